@@ -1,0 +1,85 @@
+"""Rigid transforms as 4x4 matrices: X_a_b maps points of frame b into frame a."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Matrix = NDArray[np.float64]
+
+
+def rpy_matrix(rpy: ArrayLike) -> Matrix:
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll), the URDF convention, from angles in rad."""
+    roll, pitch, yaw = np.asarray(rpy, float)
+    cr, sr, cp, sp, cy, sy = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def rpy_angles(R: Matrix) -> Matrix:
+    """Return roll, pitch, yaw (rad) with `rpy_matrix(rpy_angles(R)) == R`, also at pitch +-90 deg."""
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    if np.hypot(R[0, 0], R[1, 0]) < 1e-9:
+        return np.array([np.arctan2(-R[1, 2], R[1, 1]), pitch, 0.0])
+    return np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
+
+
+def transform(p: ArrayLike = (0.0, 0.0, 0.0), R: ArrayLike | None = None) -> Matrix:
+    """Return the 4x4 transform with translation p (m) and rotation R (default: none)."""
+    X = np.eye(4)
+    X[:3, 3] = p
+    if R is not None:
+        X[:3, :3] = R
+    return X
+
+
+def inverse(X: Matrix) -> Matrix:
+    """Return X_b_a of X_a_b; works on stacks (..., 4, 4)."""
+    R_T = np.swapaxes(X[..., :3, :3], -1, -2)
+    out = np.zeros_like(X)
+    out[..., :3, :3] = R_T
+    out[..., :3, 3] = -(R_T @ X[..., :3, 3:])[..., 0]
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def hat(w: ArrayLike) -> Matrix:
+    """Return the skew matrix with hat(w) v = w x v."""
+    x, y, z = np.asarray(w, float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def exp_so3(w: ArrayLike) -> Matrix:
+    """Return the rotation by the vector w (rad), by Rodrigues' formula."""
+    w = np.asarray(w, float)
+    angle = float(np.sqrt(w @ w))
+    K = hat(w)
+    if angle < 1e-8:
+        return np.eye(3) + K + 0.5 * K @ K
+    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
+
+
+def log_so3(R: Matrix) -> Matrix:
+    """Return the rotation vector w (rad, |w| <= pi) with exp_so3(w) == R."""
+    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine = float(np.sqrt(axis @ axis))
+    cosine = 0.5 * (np.trace(R) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    if sine > 1e-6:
+        return axis * (angle / sine)
+    if cosine > 0:
+        return axis
+    # Near pi the axis is the dominant column of R + I.
+    B = 0.5 * (R + np.eye(3))
+    column = B[:, int(np.argmax(np.diag(B)))]
+    return angle * column / np.linalg.norm(column)
+
+
+def axis_rotation(axis: ArrayLike, angle: float) -> Matrix:
+    """Return the rotation about a unit axis by an angle in rad."""
+    return exp_so3(np.asarray(axis, float) * angle)
