@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
-from preshape.hal.world import FACES, Face
+from preshape.hal.world import FACES, Face, face_normal
 
 Length = Annotated[float, msgspec.Meta(gt=0.0, le=2.0)]
 Coordinate = Annotated[float, msgspec.Meta(ge=-5.0, le=5.0)]
@@ -156,9 +156,9 @@ class Scenario(Section):
         yaw = box.yaw_deg + rng.uniform(-1, 1) * draw.yaw_deg
         u_friction, u_mass, u_offset, u_face, u_edge = rng.uniform(size=5)
         face = opening.face if draw.faces is None else draw.faces[int(u_face * len(draw.faces))]
-        edge = opening.edge
-        if draw.edges or face[1] == edge[1]:
-            edge = edges_of(box.size_m, face)[int(u_edge * 2) if draw.edges else 0]
+        edge = same_side_edge(box.size_m, opening.face, opening.edge, face)
+        if draw.edges:
+            edge = edges_of(box.size_m, face)[int(u_edge * 2)]
         return msgspec.structs.replace(
             self,
             seed=seed,
@@ -181,6 +181,16 @@ def edges_of(size_m: tuple[float, float, float], face: Face) -> tuple[Face, Face
     long_axis = "xyz"[int(np.argmax(size_m))]
     a, b = (f for f in FACES if f[1] not in (face[1], long_axis))
     return a, b
+
+
+def same_side_edge(size_m: tuple[float, float, float], face: Face, edge: Face, other: Face) -> Face:
+    """Return the edge of face `other` that lies, seen from outside with the long axis up, where `edge` lies on `face`."""
+    long_axis = np.eye(3)[int(np.argmax(size_m))]
+
+    def side(of: Face, at: Face) -> float:
+        return float(np.cross(long_axis, face_normal(of)) @ face_normal(at))
+
+    return next(candidate for candidate in edges_of(size_m, other) if side(other, candidate) == side(face, edge))
 
 
 def _within(bounds: Range | None, u: float, default: float) -> float:
