@@ -1,0 +1,36 @@
+"""Hand postures (13,) rad in layout order: what a hand returns to, and where a search for a preshape starts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from preshape.hal.transform import Matrix
+
+
+def posture(thumb: tuple[float, float, float, float], fingers: tuple[float, float, float]) -> Matrix:
+    """Return joints from the thumb's (opp, abd, flex, pip) and one (abd, flex, pip) for fore, middle and ring."""
+    joints = np.array([*thumb, *fingers * 3])
+    joints.setflags(write=False)
+    return joints
+
+
+PRESHAPE = posture((1.571, 0.0, 0.2, 0.4), (0.0, 0.1, 0.8))
+"""Thumb opposed, fingers arched: the palm comes close to the object and hardly tilts."""
+
+STRAIGHT = posture((1.571, 0.0, 0.1, 0.1), (0.0, 0.1, 0.1))
+"""Thumb opposed, fingers straight: a wide grasp by the pads, the palm tilts towards the thumb."""
+
+HALF = posture((1.3, 0.0, 0.3, 0.3), (0.0, 0.3, 0.3))
+"""Everything half bent."""
+
+PINCH = posture((1.4, 0.0, 0.6, 0.6), (0.0, 0.7, 0.7))
+"""Thumb and fingers nearly meeting."""
+
+HOOK = posture((1.571, 0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
+"""Fingers hooked far out."""
+
+CURLED = posture((1.0, 0.0, 0.9, 0.5), (0.0, 1.0, 0.4))
+"""Fingers curled over a narrow object."""
+
+START_POSTURES: tuple[Matrix, ...] = (PRESHAPE, STRAIGHT, HALF, PINCH, HOOK, CURLED)
+"""Where the search starts again, in this order."""

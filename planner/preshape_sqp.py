@@ -1,0 +1,150 @@
+"""Repeated steps of eq. (5): quadratic programs on eq. (4) linearised anew at every iterate, in one compiled loop.
+
+In the scaled displacement z = W d the problem is  min 1/2 |z|^2  s.t.  c(z) = 0,  lower <= z <= upper, with
+c = eq. (4) over a length. The step s minimises 1/2 |z + s|^2 + 1/2 s'H s + |A s + c + rho y|^2 / (2 rho), which is
+eq. (5) with a slack rho (y+ - y) that dies out as the multipliers y converge. H = sum_i y_i d2c_i/dz2 is left
+out (Gauss-Newton) far from the goal and raised until the program is convex near it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from preshape.hal.transform import Matrix
+from preshape.planner.bounded_qp import solve_bounded_qp
+from preshape.planner.compiled import compiled
+from preshape.planner.hand_kinematics import HandTables
+from preshape.planner.preshape_constraint import Nominal, constraint_curvature, tip_constraint
+
+RHO = 1e-6
+"""Softness of the linearised constraint in a step (dimensionless)."""
+
+CURVATURE_LIMIT = 30.0
+"""Multipliers above this belong to an infeasible linearisation: their curvature says nothing."""
+
+
+class Limits(NamedTuple):
+    """Weights W (19,), bounds on d (19,), the length (m) that scales eq. (4), first trust radius, when to stop."""
+
+    weights: Matrix
+    lower: Matrix
+    upper: Matrix
+    length: float
+    radius: float
+    iterations: int
+    tolerance: float
+
+
+class Outcome(NamedTuple):
+    """Iterations used, worst fingertip error (m), scaled KKT residual and objective 1/2 |W d|^2 at the last iterate."""
+
+    iterations: int
+    residual: float
+    kkt: float
+    cost: float
+
+
+@compiled
+def kkt_residual(z: Matrix, A: Matrix, y: Matrix, lower: Matrix, upper: Matrix) -> float:
+    """Return max_i |z - clip(z - grad L, lower, upper)|_i / max(1, |z|, |A'y|), the stationarity of eq. (5).
+
+    grad L = z + A'y in scaled coordinates; a component at a bound counts only when the gradient points inwards.
+    """
+    worst, scale = 0.0, 1.0
+    for i in range(z.shape[0]):
+        s = 0.0
+        for k in range(y.shape[0]):
+            s += A[k, i] * y[k]
+        moved = min(max(-s, lower[i]), upper[i])
+        worst = max(worst, abs(z[i] - moved))
+        scale = max(scale, abs(z[i]), abs(s))
+    return worst / scale
+
+
+@compiled
+def _worst_tip(c: Matrix) -> float:
+    worst = 0.0
+    for n in range(c.shape[0] // 3):
+        worst = max(worst, np.sqrt(c[3 * n] ** 2 + c[3 * n + 1] ** 2 + c[3 * n + 2] ** 2))
+    return worst
+
+
+@compiled
+def _add_penalty(G: Matrix, g: Matrix, A: Matrix, c: Matrix, y: Matrix) -> None:
+    """Add |A s + c + rho y|^2 / (2 rho) to the quadratic 1/2 s'G s + g's."""
+    for k in range(c.shape[0]):
+        b = c[k] / RHO + y[k]
+        for i in range(g.shape[0]):
+            a = A[k, i]
+            g[i] += a * b
+            for j in range(g.shape[0]):
+                G[i, j] += a * A[k, j] / RHO
+
+
+@compiled
+def descend(tables: HandTables, nominal: Nominal, limits: Limits, d: Matrix, y: Matrix) -> Outcome:
+    """Take steps from d (19,) until fingertips and KKT residual are within tolerance; d and y (3 n,) are overwritten.
+
+    A step is bounded by a trust radius and halved until the merit 1/2 |z|^2 + nu |c|_1 falls. A start whose
+    residual no longer shrinks is given up early.
+    """
+    W, length, m = limits.weights, limits.length, y.shape[0]
+    lower, upper = W * limits.lower, W * limits.upper
+    z = np.minimum(np.maximum(W * d, lower), upper)
+    frames, origins, tips, J = np.empty((18, 3, 3)), np.empty((18, 3)), np.empty((4, 3)), np.empty((4, 3, 13))
+    c, A, c_new, A_new = np.empty(m), np.empty((m, 19)), np.empty(m), np.empty((m, 19))
+    H, s = np.zeros((19, 19)), np.zeros(19)
+    tip_constraint(tables, nominal, z / W, frames, origins, tips, J, c, A)
+    c, A = c / length, A / length / W
+    radius, nu, best, patience = limits.radius, 1.0, np.inf, 0
+    residual, kkt, count = _worst_tip(c) * length, np.inf, 0
+    for iteration in range(limits.iterations):
+        count = iteration + 1
+        y_size = np.abs(y).max()
+        newton = 0.0 < y_size < CURVATURE_LIMIT
+        if newton:
+            constraint_curvature(tables, nominal, z / W, frames, origins, tips, J, y / length, H)
+            for i in range(19):
+                for j in range(19):
+                    H[i, j] /= W[i] * W[j]
+        shift, status = 0.0, -1
+        s_lower, s_upper = np.maximum(lower - z, -radius), np.minimum(upper - z, radius)
+        for _ in range(8):
+            G, g = np.eye(19) * (1.0 + shift), z.copy()
+            if newton:
+                G += H
+            _add_penalty(G, g, A, c, y)
+            s[:] = 0.0
+            status = solve_bounded_qp(G, g, s_lower, s_upper, s)
+            if status != -1:
+                break
+            shift = max(0.2, 2.5 * shift)
+        if status == -1:
+            break
+        y_new = y + (A @ s + c) / RHO
+        nu = min(max(nu, 1.5 * np.abs(y_new).max()), 100.0)
+        merit = 0.5 * np.sum(z * z) + nu * np.sum(np.abs(c))
+        t = 1.0
+        z_new = z + s
+        for _ in range(5):
+            z_new = np.minimum(np.maximum(z + t * s, lower), upper)
+            tip_constraint(tables, nominal, z_new / W, frames, origins, tips, J, c_new, A_new)
+            c_new /= length
+            if 0.5 * np.sum(z_new * z_new) + nu * np.sum(np.abs(c_new)) <= merit or np.abs(s).max() < 1e-3:
+                break
+            t *= 0.5
+        radius = min(1.6 * radius, 2.0) if t == 1.0 else max(0.5 * radius, 0.05)
+        z[:], c[:], A[:] = z_new, c_new, A_new / length / W
+        y[:] += t * (y_new - y)
+        residual = _worst_tip(c) * length
+        kkt = kkt_residual(z, A, y, lower, upper)
+        if residual < limits.tolerance and kkt < limits.tolerance:
+            break
+        patience = 0 if residual < 0.8 * best else patience + 1
+        best = min(best, residual)
+        if patience > 6 and residual > 1e-3:
+            break
+    d[:] = np.minimum(np.maximum(z / W, limits.lower), limits.upper)
+    return Outcome(count, residual, kkt, 0.5 * np.sum(z * z))
