@@ -70,7 +70,9 @@ def window_around(camera: CameraModel, X_world_box: Matrix, size: Matrix, margin
 
     Empty (no rows, no columns) when no part of it is in the image; the whole image when the box reaches behind the camera.
     """
-    corners = (np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * size) @ X_world_box[:3, :3].T + X_world_box[:3, 3]
+    corners = (np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * size) @ X_world_box[:3, :3].T + X_world_box[
+        :3, 3
+    ]
     X_camera_world = inverse(camera.X_world_camera)
     p = corners @ X_camera_world[:3, :3].T + X_camera_world[:3, 3]
     if np.min(p[:, 2]) < 0.05:
@@ -133,8 +135,12 @@ class SceneCamera:
         if rows > 0 and cols > 0:
             light = self._radiance(data, camera, window).reshape(rows, cols)
             rng = np.random.default_rng((0xCA3E, self._seed, self._taken))
-            light = _blur(light) * _vignette(camera, window) + NOISE * rng.standard_normal((rows, cols), dtype=np.float32)
-            image[window.top : window.bottom, window.left : window.right] = np.clip(np.rint(light), 1, 255).astype(np.uint8)
+            light = _blur(light) * _vignette(camera, window) + NOISE * rng.standard_normal(
+                (rows, cols), dtype=np.float32
+            )
+            image[window.top : window.bottom, window.left : window.right] = np.clip(np.rint(light), 1, 255).astype(
+                np.uint8
+            )
         self._taken += 1
         return image
 
@@ -144,7 +150,18 @@ class SceneCamera:
         count = len(rays)
         geom, distance, normal = np.empty(count, np.int32), np.empty(count), np.empty(3 * count)
         mujoco.mj_multiRay(
-            self._model, data, origin, rays.ravel(), self._groups, True, -1, geom, distance, normal, count, mujoco.mjMAXVAL
+            self._model,
+            data,
+            origin,
+            rays.ravel(),
+            self._groups,
+            True,
+            -1,
+            geom,
+            distance,
+            normal,
+            count,
+            mujoco.mjMAXVAL,
         )
         normal = normal.reshape(-1, 3)
         hit = geom >= 0
@@ -156,7 +173,8 @@ class SceneCamera:
                 R_world_body, p_world_body = data.xmat[body].reshape(3, 3), data.xpos[body]
                 points = (origin + rays[on_body] * distance[on_body, None] - p_world_body) @ R_world_body
                 albedo[on_body] = self._print(
-                    points @ X_box_body[:3, :3].T + X_box_body[:3, 3], normal[on_body] @ R_world_body @ X_box_body[:3, :3].T
+                    points @ X_box_body[:3, :3].T + X_box_body[:3, 3],
+                    normal[on_body] @ R_world_body @ X_box_body[:3, :3].T,
                 )
         shade = AMBIENT + DIFFUSE * np.maximum(normal @ (LIGHT / np.linalg.norm(LIGHT)), 0.0)
         return np.where(hit, albedo * shade, albedo)

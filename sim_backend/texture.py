@@ -74,13 +74,20 @@ def _outline(picture: Picture, width: int, dash: int = 0, gap: int = 0) -> None:
 def _write(picture: Picture, text: str, row: int, col: int, scale: int = 1) -> None:
     """Write text of 5 x 7 glyphs in place, left to right from (row, col)."""
     for letter in text:
-        glyph = np.array([int(bit) for bit in _GLYPHS[letter].ljust(35, "0")]).reshape(7, 5).repeat(scale, 0).repeat(scale, 1)
+        glyph = (
+            np.array([int(bit) for bit in _GLYPHS[letter].ljust(35, "0")])
+            .reshape(7, 5)
+            .repeat(scale, 0)
+            .repeat(scale, 1)
+        )
         area = picture[row : row + 7 * scale, col : col + 5 * scale]
         area[glyph[: area.shape[0], : area.shape[1]] == 1] = INK
         col += 6 * scale
 
 
-def _disc(picture: Picture, row: float, col: float, radii: tuple[float, float], shade: float, share: float = 1.0) -> None:
+def _disc(
+    picture: Picture, row: float, col: float, radii: tuple[float, float], shade: float, share: float = 1.0
+) -> None:
     """Blend an ellipse of one shade into the picture in place."""
     r, c = np.mgrid[: picture.shape[0], : picture.shape[1]]
     inside = ((r - row) / radii[0]) ** 2 + ((c - col) / radii[1]) ** 2 <= 1.0
@@ -159,7 +166,9 @@ def _background(rng: np.random.Generator, frame: FaceFrame) -> Picture:
         wave = rng.uniform(-0.05, 0.05, 2)
         picture += rng.uniform(4.0, 10.0) * np.sin(wave[0] * r + wave[1] * c + rng.uniform(0, 6.3))
     for _ in range(int(rng.integers(6, 14))):
-        _disc(picture, rng.uniform(0, rows), rng.uniform(0, cols), tuple(rng.uniform(4, 22, 2)), rng.uniform(90, 230), 0.6)
+        _disc(
+            picture, rng.uniform(0, rows), rng.uniform(0, cols), tuple(rng.uniform(4, 22, 2)), rng.uniform(90, 230), 0.6
+        )
     for paint in (_stripes, _brand, _text_lines, _text_lines, _bar_code):
         if rng.uniform() < 0.8:
             paint(rng, picture)
@@ -242,7 +251,12 @@ def _decoy_arrow(rng: np.random.Generator, area: Picture) -> None:
     _chevron(upright, int(0.15 * area.shape[0]), int(0.3 * area.shape[0]), int(0.5 * area.shape[1]), 7)
 
 
-_DECOYS: tuple[Callable[[np.random.Generator, Picture], None], ...] = (_decoy_frame, _decoy_round, _decoy_coupon, _decoy_arrow)
+_DECOYS: tuple[Callable[[np.random.Generator, Picture], None], ...] = (
+    _decoy_frame,
+    _decoy_round,
+    _decoy_coupon,
+    _decoy_arrow,
+)
 
 
 def _print_decoys(rng: np.random.Generator, picture: Picture, size: tuple[int, int], taken: list[_Slot]) -> None:
@@ -250,7 +264,9 @@ def _print_decoys(rng: np.random.Generator, picture: Picture, size: tuple[int, i
     if picture.shape[0] < size[0] or picture.shape[1] < size[1]:
         return
     wanted = int(rng.integers(2, 5))
-    offsets = [rng.uniform(-0.012, 0.012)] + list(rng.permutation([-0.065, 0.065, -0.03, 0.03]) + rng.uniform(-0.008, 0.008, 4))
+    offsets = [rng.uniform(-0.012, 0.012)] + list(
+        rng.permutation([-0.065, 0.065, -0.03, 0.03]) + rng.uniform(-0.008, 0.008, 4)
+    )
     kinds = list(rng.permutation(len(_DECOYS)))
     for offset in offsets:
         for sign in (int(s) for s in rng.permutation([-1, 1])):
