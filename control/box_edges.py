@@ -34,7 +34,7 @@ class PosePrior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeLine:
-    """One found edge: two points of it in the box's frame, the image normal, the shift seen at each (pixels), support."""
+    """One found edge: two points of it in the box's frame, the image normal, shifts seen there (pixels), support."""
 
     p_box: Matrix
     normal: Matrix
@@ -81,7 +81,7 @@ class _Profile:
 def find_edges(
     image: NDArray, camera: CameraModel, X_world_box: Matrix, size: Matrix, reach_px: float
 ) -> list[EdgeLine]:
-    """Return the edges of visible faces that a straight contrast line within `reach_px` of their prediction supports."""
+    """Return visible faces' edges that a straight line of contrast within `reach_px` of their prediction supports."""
     lines: list[EdgeLine] = []
     for profile in _profiles(image, camera, X_world_box, size, reach_px):
         score, slopes = _line_scores(profile, min(0.5 * reach_px, 0.12 * profile.length_px))
@@ -126,7 +126,7 @@ def slides_to_ends(
 def likelihood(
     image: NDArray, camera: CameraModel, X_world_box: Matrix, X_world_prior: Matrix, size: Matrix, prior: PosePrior
 ) -> float:
-    """Return how well a pose fits the image: contrast summed over its visible edges, less its distance from the prior."""
+    """Return how well a pose fits the image: contrast along its visible edges, less its distance from the prior."""
     support = 0.0
     for profile in _profiles(image, camera, X_world_box, size, 1.0):
         support += float(_line_scores(profile, 0.5)[0].max())
@@ -206,7 +206,7 @@ def _pixels(camera: CameraModel, X_world_box: Matrix, p_box: Matrix) -> Matrix:
 
 
 def moved(X_world_box: Matrix, change: Matrix) -> Matrix:
-    """Return the pose shifted by change[:3] (m, world) and turned about the box's centre by change[3:6] (rad, world)."""
+    """Return the pose shifted by change[:3] (m, world) and turned about its origin by change[3:6] (rad, world)."""
     X = X_world_box.copy()
     X[:3, :3] = exp_so3(change[3:6]) @ X[:3, :3]
     X[:3, 3] += change[:3]

@@ -68,7 +68,7 @@ def whole(camera: CameraModel) -> Window:
 def window_around(camera: CameraModel, X_world_box: Matrix, size: Matrix, margin_m: float = 0.04) -> Window:
     """Return the window in which a box is expected, grown by a margin (m at the box's distance).
 
-    Empty (no rows, no columns) when no part of it is in the image; the whole image when the box reaches behind the camera.
+    Empty (no rows, no columns) when no part of it is in the image; the whole image when it reaches behind the camera.
     """
     corners = (np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * size) @ X_world_box[:3, :3].T + X_world_box[
         :3, 3

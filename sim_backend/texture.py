@@ -56,7 +56,7 @@ class _Slot:
 
 
 def _pixels(length_m: float) -> int:
-    return int(round(length_m * PIXELS_PER_M))
+    return round(length_m * PIXELS_PER_M)
 
 
 def _outline(picture: Picture, width: int, dash: int = 0, gap: int = 0) -> None:
@@ -218,7 +218,7 @@ def _bar_code(rng: np.random.Generator, picture: Picture) -> None:
 
 
 def _decoy_frame(rng: np.random.Generator, area: Picture) -> None:
-    """A frame of the opening area's size with a solid line and text: no perforation."""
+    """Draw a frame of the opening area's size with a solid line and text: no perforation."""
     area[:] = PAPER
     _outline(area, width=3)
     for row in range(10, area.shape[0] - 10, 12):
@@ -226,7 +226,7 @@ def _decoy_frame(rng: np.random.Generator, area: Picture) -> None:
 
 
 def _decoy_round(rng: np.random.Generator, area: Picture) -> None:
-    """A round perforation with a mark in its middle."""
+    """Draw a round perforation with a mark in its middle."""
     rows, cols = area.shape
     r, c = np.mgrid[:rows, :cols] - np.array([rows / 2, cols / 2])[:, None, None]
     radius, turn = np.hypot(r, c), np.arctan2(r, c)
@@ -236,7 +236,7 @@ def _decoy_round(rng: np.random.Generator, area: Picture) -> None:
 
 
 def _decoy_coupon(rng: np.random.Generator, area: Picture) -> None:
-    """A perforated rectangle of another shape, with text."""
+    """Draw a perforated rectangle of another shape, with text."""
     inner = area[area.shape[0] // 4 : -area.shape[0] // 4]
     inner[:] = PAPER
     _outline(inner, width=3, dash=7, gap=4)
@@ -244,7 +244,7 @@ def _decoy_coupon(rng: np.random.Generator, area: Picture) -> None:
 
 
 def _decoy_arrow(rng: np.random.Generator, area: Picture) -> None:
-    """A panel of the opening area's size with the words and a chevron, but neither perforation nor thumb mark."""
+    """Draw a panel of the opening area's size with the words and a chevron, but neither perforation nor thumb mark."""
     upright = area if rng.uniform() < 0.5 else area[::-1, ::-1]
     upright[:] = PAPER
     _write(upright, "PRESS", int(0.75 * area.shape[0]), 10, 2)
