@@ -1,0 +1,209 @@
+"""Clearance of both arms, hands and a held box from each other and from boxes, for any joint angles."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from preshape.hal.layout import ARM_DOF, SIDES, Side
+from preshape.hal.transform import Matrix
+from preshape.hal.world import OrientedBox, Workcell
+from preshape.planner.arm_capsules import HeldBox, box_pairs, capsule_pairs, frame_index, robot_capsules
+from preshape.planner.arm_kinematics import FRAME_COUNT, chain_frames, link_origins, mount
+from preshape.planner.capsule_distance import segment_box_distance, segment_distance
+from preshape.planner.compiled import compiled
+
+ARMS_DOF = ARM_DOF * len(SIDES)
+
+
+class _Tables(NamedTuple):
+    """The model as arrays for compiled code."""
+
+    origins: Matrix
+    bases: Matrix
+    mounts: Matrix
+    frame: NDArray[np.int64]
+    start: Matrix
+    end: Matrix
+    radius: Matrix
+    pairs: NDArray[np.int64]
+    X_world_box: Matrix
+    half: Matrix
+    box_pairs: NDArray[np.int64]
+
+
+@compiled
+def _place(tables: _Tables, q: Matrix, start: Matrix, end: Matrix) -> None:
+    """Write the world end points (n, 3) of all capsules for q (14)."""
+    frames = np.empty((2 * FRAME_COUNT, 4, 4))
+    for arm in range(2):
+        rows = frames[arm * FRAME_COUNT : (arm + 1) * FRAME_COUNT]
+        chain_frames(
+            tables.origins, tables.bases[arm], tables.mounts[arm], q[arm * ARM_DOF : (arm + 1) * ARM_DOF], rows
+        )
+    for c in range(tables.frame.shape[0]):
+        X = frames[tables.frame[c]]
+        for i in range(3):
+            start[c, i] = end[c, i] = X[i, 3]
+            for j in range(3):
+                start[c, i] += X[i, j] * tables.start[c, j]
+                end[c, i] += X[i, j] * tables.end[c, j]
+
+
+@compiled
+def _beyond(a0: Matrix, a1: Matrix, center: Matrix, distance: float) -> bool:
+    """Return whether a segment's bounding sphere lies farther from a point than a distance."""
+    gap = length = 0.0
+    for i in range(3):
+        gap += (0.5 * (a0[i] + a1[i]) - center[i]) ** 2
+        length += (a1[i] - a0[i]) ** 2
+    reach = distance + 0.5 * np.sqrt(length)
+    return reach < 0.0 or gap > reach * reach
+
+
+@compiled
+def least_clearance(tables: _Tables, q: Matrix, enough: float, stop_below: float) -> tuple[float, int, int]:
+    """Return (distance, capsule, other) of the nearest pair; other >= 0 a capsule, -1 - k box k.
+
+    Pairs farther apart than `enough` (m) are not looked at and give `enough`; the search ends at the
+    first pair nearer than `stop_below`.
+    """
+    count = tables.frame.shape[0]
+    start, end = np.empty((count, 3)), np.empty((count, 3))
+    _place(tables, q, start, end)
+    best, first, second = enough, -1, 0
+    middle = np.empty(3)
+    for n in range(tables.pairs.shape[0]):
+        i, j = tables.pairs[n, 0], tables.pairs[n, 1]
+        radii = tables.radius[i] + tables.radius[j]
+        length = 0.0
+        for k in range(3):
+            middle[k] = 0.5 * (start[j, k] + end[j, k])
+            length += (end[j, k] - start[j, k]) ** 2
+        if _beyond(start[i], end[i], middle, best + radii + 0.5 * np.sqrt(length)):
+            continue
+        distance = segment_distance(start[i], end[i], start[j], end[j]) - radii
+        if distance < best:
+            best, first, second = distance, i, j
+            if best < stop_below:
+                return best, first, second
+    for n in range(tables.box_pairs.shape[0]):
+        i, k = tables.box_pairs[n, 0], tables.box_pairs[n, 1]
+        X, half = tables.X_world_box[k], tables.half[k]
+        middle[0], middle[1], middle[2] = X[0, 3], X[1, 3], X[2, 3]
+        corner = np.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2)
+        if _beyond(start[i], end[i], middle, best + tables.radius[i] + corner):
+            continue
+        distance = segment_box_distance(start[i], end[i], X, half) - tables.radius[i]
+        if distance < best:
+            best, first, second = distance, i, -1 - k
+            if best < stop_below:
+                return best, first, second
+    return best, first, second
+
+
+@compiled
+def edge_is_free(tables: _Tables, q_from: Matrix, q_to: Matrix, margin: float, step: float) -> bool:
+    """Return whether all of a straight joint path keeps the margin, sampled at most `step` rad apart (max-norm)."""
+    largest = 0.0
+    for i in range(q_from.shape[0]):
+        largest = max(largest, abs(q_to[i] - q_from[i]))
+    count = max(1, int(np.ceil(largest / step)))
+    for k in range(count, -1, -1):
+        q = q_from + (k / count) * (q_to - q_from)
+        if least_clearance(tables, q, margin, margin)[0] < margin:
+            return False
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The least distance (m, negative when overlapping) and the two bodies it was found between."""
+
+    distance: float
+    bodies: tuple[str, str]
+
+
+FAR = 1.0
+"""Distances beyond this are reported as this, m."""
+
+
+def _index_pairs(pairs: list[tuple[int, int]]) -> NDArray[np.int64]:
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+class ArmCollision:
+    """The coarse collision model of one moment: what the hands look like, what is held, what stands around.
+
+    Args:
+        cell: arm bases and static boxes.
+        q_hands: finger angles (13) of both hands, rad.
+        held: the box in one hand, or None.
+        obstacles: further boxes.
+        exempt: pairs of body names (`<side>_arm`, `<side>_hand`, `held`, box names) that may touch.
+
+    Joint vectors are (14,): right arm, left arm, rad.
+    """
+
+    def __init__(
+        self,
+        cell: Workcell,
+        q_hands: Mapping[Side, ArrayLike],
+        held: HeldBox | None = None,
+        obstacles: tuple[OrientedBox, ...] = (),
+        exempt: Collection[tuple[str, str]] = (),
+    ) -> None:
+        capsules = robot_capsules(q_hands, held)
+        boxes = (*cell.statics, *obstacles)
+        self._bodies = [capsule.body for capsule in capsules]
+        self._boxes = [box.name for box in boxes]
+        excused = self._exemptions(exempt)
+        self.tables = _Tables(
+            origins=link_origins(),
+            bases=np.array([cell.X_world_base[side] for side in SIDES]),
+            mounts=np.array([mount(side) for side in SIDES]),
+            frame=np.array([frame_index(capsule) for capsule in capsules], dtype=np.int64),
+            start=np.array([capsule.start for capsule in capsules]),
+            end=np.array([capsule.end for capsule in capsules]),
+            radius=np.array([capsule.radius for capsule in capsules]),
+            pairs=_index_pairs(capsule_pairs(capsules, excused)),
+            X_world_box=np.array([box.X_world_box for box in boxes]).reshape(-1, 4, 4),
+            half=np.array([box.half for box in boxes], dtype=float).reshape(-1, 3),
+            box_pairs=_index_pairs(box_pairs(capsules, self._boxes, excused)),
+        )
+
+    def _exemptions(self, exempt: Collection[tuple[str, str]]) -> frozenset[frozenset[str]]:
+        known = {*self._bodies, *self._boxes, "held"}
+        for pair in exempt:
+            for name in pair:
+                if name not in known:
+                    raise ValueError(f"exempt: got body {name!r}, allowed are {', '.join(sorted(known))}")
+        return frozenset(frozenset(pair) for pair in exempt)
+
+    def clearance(self, q: ArrayLike) -> Clearance:
+        """Return the least clearance at q (14), rad; distances beyond `FAR` come back as `FAR`."""
+        distance, first, second = least_clearance(self.tables, arms_vector(q), FAR, -np.inf)
+        if first < 0:
+            return Clearance(distance, ("", ""))
+        other = self._bodies[second] if second >= 0 else self._boxes[-1 - second]
+        return Clearance(distance, (self._bodies[first], other))
+
+    def is_free(self, q: ArrayLike, margin: float = 0.0) -> bool:
+        """Return whether every pair is at least `margin` (m) apart at q (14)."""
+        return bool(least_clearance(self.tables, arms_vector(q), margin, margin)[0] >= margin)
+
+    def edge_free(self, q_from: ArrayLike, q_to: ArrayLike, margin: float, step: float = 0.05) -> bool:
+        """Return whether the straight joint path keeps the margin (m), sampled at most `step` rad apart."""
+        return bool(edge_is_free(self.tables, arms_vector(q_from), arms_vector(q_to), margin, step))
+
+
+def arms_vector(q: ArrayLike) -> Matrix:
+    """Return q as a contiguous (14,) array, right then left; `ValueError` names the shape it got."""
+    q = np.ascontiguousarray(q, dtype=float)
+    if q.shape != (ARMS_DOF,):
+        raise ValueError(f"arm joints: got shape {q.shape}, allowed is ({ARMS_DOF},): right then left")
+    return q
