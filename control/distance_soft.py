@@ -86,6 +86,22 @@ def _solve3(A: Matrix, b: Matrix, x: Matrix) -> None:
 
 
 @compiled
+def _bounded(u: float, h: float) -> float:
+    """Return u within its bounds, on a bound when next to it: a hair's breadth of room would stop every step."""
+    if abs(u) > (1.0 - 1e-6) * h:
+        return h if u > 0.0 else -h
+    return u
+
+
+@compiled
+def _hold(i: int, hess: Matrix, slope: Matrix) -> None:
+    """Take coordinate i out of the Newton system."""
+    for j in range(3):
+        hess[i, j] = hess[j, i] = 0.0
+    hess[i, i], slope[i] = 1.0, 0.0
+
+
+@compiled
 def _newton_step(euclidean: bool, R: Matrix, h: Matrix, H: Matrix, u: Matrix, work: Matrix) -> float:
     """Write the step (row 4) on the coordinates not held at a bound; return the largest free gradient."""
     g, diagonal, slope, step, hess, rg = work[1], work[2], work[3], work[4], work[5:8], work[8]
@@ -108,13 +124,19 @@ def _newton_step(euclidean: bool, R: Matrix, h: Matrix, H: Matrix, u: Matrix, wo
             hess[i, j] = value
         hess[i, i] += KAPPA
     for i in range(3):
-        held = (u[i] >= h[i] and slope[i] < 0.0) or (u[i] <= -h[i] and slope[i] > 0.0)
-        if held:
-            for j in range(3):
-                hess[i, j] = hess[j, i] = 0.0
-            hess[i, i], slope[i] = 1.0, 0.0
+        if (u[i] >= h[i] and slope[i] < 0.0) or (u[i] <= -h[i] and slope[i] > 0.0):
+            _hold(i, hess, slope)
         largest = max(largest, abs(slope[i]))
-    _solve3(hess, slope, step)
+    for _ in range(3):
+        _solve3(hess, slope, step)
+        inside = True
+        for i in range(3):
+            # A bound may be left only inward: what the coupling pushes out is held, so the step stays a descent.
+            if (u[i] >= h[i] and step[i] < 0.0) or (u[i] <= -h[i] and step[i] > 0.0):
+                _hold(i, hess, slope)
+                inside = False
+        if inside:
+            break
     return largest
 
 
@@ -130,7 +152,7 @@ def pair_soft(
     u, trial = work[9], work[10]
     for j in range(3):
         along = R[0, j] * (a[0] - y[0]) + R[1, j] * (a[1] - y[1]) + R[2, j] * (a[2] - y[2])
-        u[j] = min(max(along, -h[j]), h[j])
+        u[j] = _bounded(along, h[j])
     value = _objective(euclidean, y, R, H, u, work)
     for _ in range(_STEPS):
         if _newton_step(euclidean, R, h, H, u, work) < _GRADIENT_TOL:
@@ -138,7 +160,7 @@ def pair_soft(
         scale, fell = 1.0, False
         while scale > 1e-7 and not fell:
             for j in range(3):
-                trial[j] = min(max(u[j] - scale * work[4, j], -h[j]), h[j])
+                trial[j] = _bounded(u[j] - scale * work[4, j], h[j])
             lower = _objective(euclidean, y, R, H, trial, work)
             fell = lower < value - 1e-16
             scale *= 0.5
