@@ -115,8 +115,10 @@ def project(points: ArrayLike, camera: Camera, width: int, height: int) -> Matri
 def pixel_window(
     half: Matrix, X_camera_shape: Matrix, focal: float, width: int, height: int
 ) -> tuple[int, int, int, int]:
-    """Return first and last (exclusive) column and row that a bounding box can cover; the whole picture if it
-    reaches behind the camera."""
+    """Return first and last (exclusive) column and row that a bounding box can cover.
+
+    That is the whole picture if the box reaches behind the camera, and nothing if all of it is there.
+    """
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     corners = (signs * half) @ X_camera_shape[:3, :3].T + X_camera_shape[:3, 3]
     if np.all(corners[:, 2] < kernels.NEAR):
@@ -149,10 +151,10 @@ def render(shapes: Sequence[Shape], camera: Camera, width: int = 640, height: in
         X_camera_world = inverse(camera.X_world_camera)
         X = X_camera_world @ np.array([shape.X_world_shape for shape in shapes])
         windows = [pixel_window(shape.half(), X[i], focal, columns, rows) for i, shape in enumerate(shapes)]
-        kernels.cast(
-            np.array([_KIND_NUMBER[shape.kind] for shape in shapes]), X, np.array([shape.size for shape in shapes], float),
-            np.array(windows), X_camera_world[:3, :3] @ LIGHT, focal, depth, facet, shade,
-        )  # fmt: skip
+        kinds = np.array([_KIND_NUMBER[shape.kind] for shape in shapes])
+        sizes = np.array([shape.size for shape in shapes], float)
+        light = X_camera_world[:3, :3] @ LIGHT
+        kernels.cast(kinds, X, sizes, np.array(windows), light, focal, depth, facet, shade)
         shade[(facet >= 0) & np.append(flat, False)[facet // kernels.FACETS]] = 1.0
         kernels.draw_edges(depth, facet, ~flat, shade)
     image = np.empty((height, width, 3), np.uint8)
