@@ -10,7 +10,7 @@ from preshape.planner.compiled import compiled
 
 @compiled
 def _solve_free(G: Matrix, r: Matrix, free: Matrix, n: int, L: Matrix, y: Matrix) -> bool:
-    """Write y = -G_ff^-1 r_f for the first n indices in `free` by Cholesky; False when G_ff is not positive definite."""
+    """Write y = -G_ff^-1 r_f over the first n indices in `free`, by Cholesky; False if G_ff is not positive definite."""
     for i in range(n):
         for j in range(i + 1):
             s = G[free[i], free[j]]

@@ -1,4 +1,4 @@
-"""How many fingers grasp a preshaping box, and where on its preshape faces their tips belong (sections III-C, III-D)."""
+"""How many fingers grasp a preshaping box, and where on its preshape faces their tips go (sections III-C, III-D)."""
 
 from __future__ import annotations
 

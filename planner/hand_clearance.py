@@ -1,4 +1,4 @@
-"""How far each part of a hand stays clear of a box: sampled, to rank preshapes; the controller's distances are exact."""
+"""How far each part of a hand stays clear of a box: sampled, to rank preshapes; the controller has exact distances."""
 
 from __future__ import annotations
 

@@ -108,7 +108,9 @@ def tips_and_jacobians(tables: HandTables, q: Matrix, R: Matrix, p: Matrix, tips
 def _checked(q: ArrayLike) -> Matrix:
     angles = np.ascontiguousarray(q, dtype=np.float64)
     if angles.shape != (HAND_DOF,):
-        raise ValueError(f"hand joints: got shape {angles.shape}, allowed is ({HAND_DOF},): {', '.join(sah_hand.ACTUATED)}")
+        raise ValueError(
+            f"hand joints: got shape {angles.shape}, allowed is ({HAND_DOF},): {', '.join(sah_hand.ACTUATED)}"
+        )
     return angles
 
 

@@ -26,11 +26,17 @@ HALF = posture((1.3, 0.0, 0.3, 0.3), (0.0, 0.3, 0.3))
 PINCH = posture((1.4, 0.0, 0.6, 0.6), (0.0, 0.7, 0.7))
 """Thumb and fingers nearly meeting."""
 
-HOOK = posture((1.571, 0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
-"""Fingers hooked far out."""
+WIDE = posture((1.45, 0.25, -0.069, 0.07), (0.26, -0.069, 0.07))
+"""As wide as the hand opens, everything abducted to one side."""
 
-CURLED = posture((1.0, 0.0, 0.9, 0.5), (0.0, 1.0, 0.4))
-"""Fingers curled over a narrow object."""
+WIDE_BACK = posture((1.5, -0.26, -0.069, 0.07), (-0.26, -0.069, 0.07))
+"""As wide as the hand opens, everything abducted to the other side."""
 
-START_POSTURES: tuple[Matrix, ...] = (PRESHAPE, STRAIGHT, HALF, PINCH, HOOK, CURLED)
+START_POSTURES: tuple[Matrix, ...] = (PRESHAPE, STRAIGHT, HALF, PINCH, WIDE, WIDE_BACK)
 """Where the search starts again, in this order."""
+
+WIDE_POSTURES: tuple[Matrix, ...] = (WIDE, WIDE_BACK)
+"""Where it starts last, with the palm yawed by each of `WIDE_YAWS`."""
+
+WIDE_YAWS = (-0.5, 0.5)
+"""Yaws of the palm, rad."""

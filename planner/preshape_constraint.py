@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from preshape.hal.transform import Matrix
 from preshape.planner.compiled import compiled
 from preshape.planner.hand_kinematics import HandTables, tips_and_jacobians
+from preshape.planner.small_matrix import mat_mat, mat_t_vec, mat_vec
 
 STATE_DOF = 19
 """Palm position (3), palm rotation vector (3), actuated finger joints (13)."""
@@ -56,7 +57,15 @@ def rotation_and_jacobian(phi: Matrix, R: Matrix, Jr: Matrix) -> None:
 
 @compiled
 def tip_constraint(
-    tables: HandTables, nominal: Nominal, d: Matrix, frames: Matrix, origins: Matrix, tips: Matrix, J: Matrix, c: Matrix, A: Matrix
+    tables: HandTables,
+    nominal: Nominal,
+    d: Matrix,
+    frames: Matrix,
+    origins: Matrix,
+    tips: Matrix,
+    J: Matrix,
+    c: Matrix,
+    A: Matrix,
 ) -> None:
     """Write c = p_h + R_h h_p_fi - p_fid (3 n, m) of eq. (4) and A = dc/dd (3 n, 19).
 
@@ -65,17 +74,17 @@ def tip_constraint(
     tips_and_jacobians(tables, nominal.q + d[6:], frames, origins, tips, J)
     E, Jr = np.empty((3, 3)), np.empty((3, 3))
     rotation_and_jacobian(d[3:6], E, Jr)
-    R = nominal.R @ E
+    R = mat_mat(nominal.R, E)
     A[:] = 0.0
     for n in range(nominal.fingers.shape[0]):
         f = nominal.fingers[n]
         hx, hy, hz = tips[f, 0], tips[f, 1], tips[f, 2]
-        turn = np.array([[0.0, hz, -hy], [-hz, 0.0, hx], [hy, -hx, 0.0]]) @ Jr
-        c[3 * n : 3 * n + 3] = nominal.p + d[:3] + R @ tips[f] - nominal.targets[n]
+        turn = mat_mat(np.array([[0.0, hz, -hy], [-hz, 0.0, hx], [hy, -hx, 0.0]]), Jr)
+        c[3 * n : 3 * n + 3] = nominal.p + d[:3] + mat_vec(R, tips[f]) - nominal.targets[n]
         for a in range(3):
             A[3 * n + a, a] = 1.0
-        A[3 * n : 3 * n + 3, 3:6] = R @ turn
-        A[3 * n : 3 * n + 3, 6:] = R @ J[f]
+        A[3 * n : 3 * n + 3, 3:6] = mat_mat(R, turn)
+        A[3 * n : 3 * n + 3, 6:] = mat_mat(R, J[f])
 
 
 @compiled
@@ -83,12 +92,12 @@ def _gradient(nominal: Nominal, phi: Matrix, tips: Matrix, J: Matrix, force: Mat
     """Write the rotation and joint rows of A^T force (16,) at rotation vector phi."""
     E, Jr = np.empty((3, 3)), np.empty((3, 3))
     rotation_and_jacobian(phi, E, Jr)
-    R_T = np.ascontiguousarray((nominal.R @ E).T)
+    R = mat_mat(nominal.R, E)
     moment = np.zeros(3)
     g[:] = 0.0
     for n in range(nominal.fingers.shape[0]):
         f = nominal.fingers[n]
-        local = R_T @ force[3 * n : 3 * n + 3]
+        local = mat_t_vec(R, force[3 * n : 3 * n + 3])
         h = tips[f]
         moment[0] += h[1] * local[2] - h[2] * local[1]
         moment[1] += h[2] * local[0] - h[0] * local[2]
@@ -101,7 +110,15 @@ def _gradient(nominal: Nominal, phi: Matrix, tips: Matrix, J: Matrix, force: Mat
 
 @compiled
 def constraint_curvature(
-    tables: HandTables, nominal: Nominal, d: Matrix, frames: Matrix, origins: Matrix, tips: Matrix, J: Matrix, force: Matrix, H: Matrix
+    tables: HandTables,
+    nominal: Nominal,
+    d: Matrix,
+    frames: Matrix,
+    origins: Matrix,
+    tips: Matrix,
+    J: Matrix,
+    force: Matrix,
+    H: Matrix,
 ) -> None:
     """Write H = sum_i force_i d2c_i/dd2 (19, 19), with frames, tips and J as left by `tip_constraint` at d.
 
@@ -111,19 +128,18 @@ def constraint_curvature(
     H[:] = 0.0
     E, Jr = np.empty((3, 3)), np.empty((3, 3))
     rotation_and_jacobian(d[3:6], E, Jr)
-    R_T = np.ascontiguousarray((nominal.R @ E).T)
+    R = mat_mat(nominal.R, E)
     for n in range(nominal.fingers.shape[0]):
         f = nominal.fingers[n]
-        local = R_T @ force[3 * n : 3 * n + 3]
+        local = mat_t_vec(R, force[3 * n : 3 * n + 3])
         b = tables.tip_part[f]
         while b > 0:
-            zb = tables.sign[b - 1] * np.ascontiguousarray(frames[b, :, 2])
+            zb = tables.sign[b - 1] * frames[b, :, 2]
             w = np.cross(zb, tips[f] - origins[b])
             kb = 6 + tables.drive[b - 1]
             a = b
             while a > 0:
-                za = tables.sign[a - 1] * np.ascontiguousarray(frames[a, :, 2])
-                value = local @ np.cross(za, w)
+                value = tables.sign[a - 1] * np.sum(local * np.cross(frames[a, :, 2], w))
                 ka = 6 + tables.drive[a - 1]
                 H[ka, kb] += value
                 if a != b:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import product
 
 import daqp
 import numpy as np
@@ -14,9 +16,10 @@ from preshape.hal.layout import HAND_DOF, Side
 from preshape.hal.transform import Matrix, exp_so3, transform
 from preshape.planner.finger_count import fingers_for, tip_targets
 from preshape.planner.hand_kinematics import HandKinematics, hand_kinematics
-from preshape.planner.postures import START_POSTURES
+from preshape.planner.postures import START_POSTURES, WIDE_POSTURES, WIDE_YAWS
 from preshape.planner.preshape_constraint import STATE_DOF, Nominal, tip_constraint
-from preshape.planner.preshape_sqp import Limits, Outcome, descend
+from preshape.planner.preshape_polish import polish
+from preshape.planner.preshape_sqp import RHO, Limits, Outcome, descend
 
 HAND_LENGTH = 0.28
 """Palm origin to the tip of a straight finger, m: a palm turned by 1 rad moves its fingertips by about this."""
@@ -24,11 +27,17 @@ HAND_LENGTH = 0.28
 STANDOFF = (0.186, 0.400)
 """Default range of the palm origin's distance from the object's palm face, m: finger bases reach to 0.171."""
 
-SOLVED_RESIDUAL = 1e-5
+SOLVED_RESIDUAL = 1e-4
 """Fingertip error up to which a preshape counts as solved, m."""
 
 SOLVED_KKT = 1e-5
 """Scaled KKT residual up to which a preshape counts as solved."""
+
+NEAR = 5e-4
+"""Fingertip error up to which an answer that is not yet a KKT point is worth polishing, m."""
+
+CLOSE = 5e-3
+"""Fingertip error of all usual starts above which a box is given up, m."""
 
 
 class PreshapeStatus(Enum):
@@ -184,11 +193,17 @@ def _limits(problem: PreshapeProblem, iterations: int) -> Limits:
     return Limits(problem.weights.vector(), lower, upper, HAND_LENGTH, 0.8, iterations, 1e-7)
 
 
-def start_at(problem: PreshapeProblem, joints: Matrix) -> Matrix:
-    """Return a start d (19,): these joints, the palm unturned and put where thumb and finger centre straddle the box."""
-    tips = problem.kinematics.tips(joints)[0]
+def start_at(problem: PreshapeProblem, joints: Matrix, yaw: float = 0.0) -> Matrix:
+    """Return a start d (19,): these joints, the palm put where thumb and finger centre straddle the box.
+
+    The joints (rad) are clipped to their limits; `yaw` (rad) turns the palm about the box's z axis.
+    """
+    k = problem.kinematics
+    joints = np.clip(joints, k.lower, k.upper)
+    tips = k.tips(joints)[0]
     center = (tips[0] + tips[1 : len(problem.fingers)].mean(axis=0)) / 2.0
-    return np.concatenate([-center, np.zeros(3), joints - problem.nominal_joints])
+    phi = np.array([0.0, 0.0, yaw])
+    return np.concatenate([-exp_so3(phi) @ center, phi, joints - problem.nominal_joints])
 
 
 def descend_from(problem: PreshapeProblem, start: Matrix, iterations: int = 60) -> tuple[Matrix, Outcome]:
@@ -210,24 +225,56 @@ def _order(outcome: Outcome) -> tuple[bool, float]:
     return (not reached, outcome.kkt if reached else outcome.residual)
 
 
+def _polished(problem: PreshapeProblem, d: Matrix, outcome: Outcome) -> tuple[Matrix, Outcome]:
+    """Return d and outcome, or better ones by Newton steps without slack and, failing that, with it."""
+    best_d, best = d, outcome
+    for rho in (0.0, RHO):
+        candidate, reached = polish(problem.kinematics.tables, problem.nominal(), _limits(problem, 0), d, rho)
+        if reached.kkt < best.kkt:
+            best_d, best = candidate, reached
+        if best.kkt <= SOLVED_KKT:
+            break
+    return best_d, best
+
+
+def _starts(problem: PreshapeProblem) -> Iterator[Matrix]:
+    """Yield the starts of a solve: the joints of x_n, fixed postures, and the widest ones with the palm yawed."""
+    yield start_at(problem, problem.nominal_joints)
+    for joints in START_POSTURES:
+        yield start_at(problem, joints)
+    for joints, yaw in product(WIDE_POSTURES, WIDE_YAWS):
+        yield start_at(problem, joints, yaw)
+
+
 def solve(problem: PreshapeProblem) -> PreshapeResult:
     """Solve eq. (5) on SE(3) with eq. (4) linearised anew at each step; pure and deterministic.
 
-    The first start is x_n itself; when it does not end at a solution, fixed hand postures follow.
+    The first start has the joints of x_n; when it does not end at a solution, fixed hand postures follow. The
+    last of them, for boxes as wide as the hand, are left out when everything before has missed by `CLOSE`.
     """
     k = problem.kinematics
-    nominal = np.clip(problem.nominal_joints, k.lower, k.upper)
-    best_d, best = descend_from(problem, start_at(problem, nominal))
-    iterations, starts = best.iterations, 1
-    for posture in START_POSTURES:
-        if _status(best) is PreshapeStatus.SOLVED:
+    best_d, best, iterations, starts = np.zeros(STATE_DOF), Outcome(0, np.inf, np.inf, np.inf), 0, 0
+    for start in _starts(problem):
+        if starts > len(START_POSTURES) and best.residual > CLOSE:
             break
-        d, outcome = descend_from(problem, start_at(problem, np.clip(posture, k.lower, k.upper)))
+        d, outcome = descend_from(problem, start)
         iterations, starts = iterations + outcome.iterations, starts + 1
         if _order(outcome) < _order(best):
             best_d, best = d, outcome
+        if _status(best) is PreshapeStatus.SOLVED:
+            break
+    if best.residual < NEAR and best.kkt > SOLVED_KKT:
+        best_d, best = _polished(problem, best_d, best)
+        iterations += best.iterations
     X_pb_palm = transform(best_d[:3], exp_so3(best_d[3:6]))
-    joints = np.clip(problem.nominal_joints + best_d[6:], k.lower, k.upper)
     return PreshapeResult(
-        _status(best), problem.X_world_pb @ X_pb_palm, X_pb_palm, joints, best.residual, best.kkt, best.cost, iterations, starts
+        status=_status(best),
+        X_world_palm=problem.X_world_pb @ X_pb_palm,
+        X_pb_palm=X_pb_palm,
+        joints=np.clip(problem.nominal_joints + best_d[6:], k.lower, k.upper),
+        residual_m=best.residual,
+        kkt_residual=best.kkt,
+        cost=best.cost,
+        iterations=iterations,
+        starts=starts,
     )

@@ -17,11 +17,12 @@ from preshape.planner.bounded_qp import solve_bounded_qp
 from preshape.planner.compiled import compiled
 from preshape.planner.hand_kinematics import HandTables
 from preshape.planner.preshape_constraint import Nominal, constraint_curvature, tip_constraint
+from preshape.planner.small_matrix import mat_vec
 
 RHO = 1e-6
 """Softness of the linearised constraint in a step (dimensionless)."""
 
-CURVATURE_LIMIT = 30.0
+CURVATURE_LIMIT = 300.0
 """Multipliers above this belong to an infeasible linearisation: their curvature says nothing."""
 
 
@@ -111,7 +112,7 @@ def descend(tables: HandTables, nominal: Nominal, limits: Limits, d: Matrix, y: 
                     H[i, j] /= W[i] * W[j]
         shift, status = 0.0, -1
         s_lower, s_upper = np.maximum(lower - z, -radius), np.minimum(upper - z, radius)
-        for _ in range(8):
+        for _ in range(14):
             G, g = np.eye(19) * (1.0 + shift), z.copy()
             if newton:
                 G += H
@@ -120,10 +121,10 @@ def descend(tables: HandTables, nominal: Nominal, limits: Limits, d: Matrix, y: 
             status = solve_bounded_qp(G, g, s_lower, s_upper, s)
             if status != -1:
                 break
-            shift = max(0.2, 2.5 * shift)
+            shift = max(0.02, 2.0 * shift)
         if status == -1:
             break
-        y_new = y + (A @ s + c) / RHO
+        y_new = y + (mat_vec(A, s) + c) / RHO
         nu = min(max(nu, 1.5 * np.abs(y_new).max()), 100.0)
         merit = 0.5 * np.sum(z * z) + nu * np.sum(np.abs(c))
         t = 1.0
