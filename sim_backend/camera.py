@@ -65,7 +65,7 @@ def whole(camera: CameraModel) -> Window:
     return Window(0, camera.height, 0, camera.width)
 
 
-def window_around(camera: CameraModel, X_world_box: Matrix, size: Matrix, margin_m: float = 0.04) -> Window:
+def window_around(camera: CameraModel, X_world_box: Matrix, size: Matrix, margin_m: float = 0.03) -> Window:
     """Return the window in which a box is expected, grown by a margin (m at the box's distance).
 
     Empty (no rows, no columns) when no part of it is in the image; the whole image when it reaches behind the camera.
@@ -180,7 +180,7 @@ class SceneCamera:
         return np.where(hit, albedo * shade, albedo)
 
     def _print(self, p_box: Matrix, n_box: Matrix) -> Matrix:
-        """Return the print (n,) at points and normals (n, 3) in the shut box's frame; bare paper off the outer faces."""
+        """Return the print (n,) at points and normals (n, 3) in the shut box's frame; bare paper inside the box."""
         grey = np.full(len(p_box), BARE_PAPER)
         axis = np.argmax(np.abs(n_box), axis=1)
         positive = np.take_along_axis(n_box, axis[:, None], 1)[:, 0] > 0

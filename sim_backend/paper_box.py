@@ -19,8 +19,10 @@ WALL = 0.002
 """Thickness of every panel, m."""
 LID_RANGE = np.deg2rad(170.0)
 TAB_RANGE = np.deg2rad(150.0)
-PANEL_MASS_SHARE = 0.05
-"""Share of the box's mass that the lid carries; the tab carries its share by area."""
+BOARD_KG_PER_M2 = 0.3
+"""Areal density of the lid's and the tab's board (folding boxboard)."""
+MAX_LID_SHARE = 0.2
+"""The lid never carries more than this share of a very light box's mass."""
 _PAPER_BIT, _OTHER_BIT = 2, 1
 
 
@@ -72,19 +74,20 @@ def add_paper_box(spec: mujoco.MjSpec, scenario: Scenario, X_world_box: Matrix) 
     mujoco.mju_mat2Quat(quat, X_world_box[:3, :3].ravel())
     box = spec.worldbody.add_body(name="box", pos=X_world_box[:3, 3], quat=quat)
     box.add_freejoint(name="box")
-    tab_share = PANEL_MASS_SHARE * frame.tab_depth * frame.tab_half_length / (frame.depth * frame.half_length)
-    mass = scenario.box.mass_kg
-    _add_shell(box, scenario, mass * (1 - PANEL_MASS_SHARE), friction)
+    lid_area, tab_area = 2 * frame.depth * frame.half_length, 2 * frame.tab_depth * frame.tab_half_length
+    panels = min(BOARD_KG_PER_M2 * lid_area, MAX_LID_SHARE * scenario.box.mass_kg)
+    tab_mass = panels * tab_area / lid_area
+    _add_shell(box, scenario, scenario.box.mass_kg - panels, friction)
 
     lid = _add_child(box, "lid", frame.X_box_lid)
     _add_hinge(lid, "lid", (0, -1, 0), LID_RANGE, strengths.crease_nm_per_rad * strengths.scale, strengths.crease_yield_rad)
-    _add_lid_panels(lid, frame, mass * (PANEL_MASS_SHARE - tab_share), friction)
+    _add_lid_panels(lid, frame, panels - tab_mass, friction)
 
     X_lid_tab = transform((frame.depth - frame.tab_depth, frame.tab_offset, 0.0))
     tab = _add_child(lid, "tab", X_lid_tab)
     _add_hinge(tab, "tab", (0, 1, 0), TAB_RANGE, strengths.crease_nm_per_rad * strengths.scale / 2, strengths.crease_yield_rad)
     size = (frame.tab_depth / 2 - 0.0005, frame.tab_half_length - 0.0005, WALL / 2)
-    _add_panel(tab, "tab", (frame.tab_depth / 2, 0.0, -WALL / 2), size, mass * tab_share, friction)
+    _add_panel(tab, "tab", (frame.tab_depth / 2, 0.0, -WALL / 2), size, tab_mass, friction)
     for name in ("lid", "tab"):
         lock = spec.add_equality(name=f"{name}_perforation", type=mujoco.mjtEq.mjEQ_JOINT, name1=name)
         lock.solref = [0.004, 1.0]

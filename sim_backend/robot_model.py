@@ -16,9 +16,9 @@ ARM_DAMPING = (250.0, 250.0, 200.0, 200.0, 60.0, 60.0, 30.0)
 """Damping of the arm modules, N m s/rad (E)."""
 ARM_ARMATURE = (0.30, 0.30, 0.25, 0.25, 0.10, 0.10, 0.10)
 """Rotor inertia at the joint, kg m2 (E)."""
-FINGER_STIFFNESS = 8.0
+FINGER_STIFFNESS = 20.0
 """Position loop gain of the finger modules, N m/rad (E)."""
-FINGER_DAMPING = 0.12
+FINGER_DAMPING = 0.4
 """Damping of the finger modules, N m s/rad (E)."""
 FINGER_ARMATURE = 0.002
 """Rotor inertia at a finger joint, kg m2 (E)."""

@@ -53,7 +53,7 @@ class StrengthsSection(Section):
     point_n: NonNegative = 0.5
     points: Annotated[int, msgspec.Meta(ge=3, le=60)] = 12
     crease_nm_per_rad: NonNegative = 0.01
-    crease_yield_rad: NonNegative = 0.10
+    crease_yield_rad: NonNegative = 0.30
     crush_n: Annotated[float, msgspec.Meta(gt=0.0)] = 25.0
     tear_time_s: NonNegative = 0.003
     scale: Annotated[float, msgspec.Meta(gt=0.0, le=10.0)] = 1.0
