@@ -174,7 +174,7 @@ def _profile(
 
 def _contrast(image: NDArray, pixels: Matrix, normal: Matrix, reach_px: float) -> tuple[Matrix | None, Matrix]:
     """Return the contrast (samples, shifts), 0 .. 1, across an edge, and the shifts (pixels); None if mostly unread."""
-    d = np.arange(-reach_px - 1.0, reach_px + 1.01, 0.5)
+    d: Matrix = np.arange(-reach_px - 1.0, reach_px + 1.01, 0.5, dtype=np.float64)
     grey, seen = sample(image, pixels[:, None, :] + d[None, :, None] * normal)
     read = np.all(seen, axis=1)
     if np.mean(read) < 0.4:
@@ -188,7 +188,7 @@ def _contrast(image: NDArray, pixels: Matrix, normal: Matrix, reach_px: float) -
 def _line_scores(profile: _Profile, max_slope: float) -> tuple[Matrix, Matrix]:
     """Return the mean contrast along straight lines (slopes, shifts), and the slopes: pixels from middle to end."""
     d = profile.d
-    slopes = np.arange(-np.floor(2 * max_slope) / 2, max_slope + 0.01, 0.5)
+    slopes: Matrix = np.arange(-np.floor(2 * max_slope) / 2, max_slope + 0.01, 0.5, dtype=np.float64)
     steps = np.rint(np.outer(slopes, profile.s) / 0.5).astype(int)
     padded = np.pad(profile.contrast, ((0, 0), (len(d), len(d))))
     at = np.arange(len(d))[None, :, None] + len(d) + steps[:, None, :]

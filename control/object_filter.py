@@ -135,7 +135,7 @@ class ObjectFilter:
         self._palm.add(stamp_ns, X_world_palm)
 
     def observe(self, sample: PoseSample) -> None:
-        """Take a sample; ignored are old ones, not finite ones, and those from before the box was fixed to its frame."""
+        """Take a sample; old ones, not finite ones, and those from before the present hold or release are ignored."""
         if sample.stamp_ns <= self._stamp_ns or sample.stamp_ns < self._anchored_ns:
             return
         if not np.all(np.isfinite(sample.X_world_box)):

@@ -14,9 +14,9 @@ from enum import StrEnum
 import numpy as np
 
 from preshape.control.box_edges import (
+    EdgeLine,
     PosePrior,
     SeenPoint,
-    EdgeLine,
     find_edges,
     fit_pose,
     likelihood,
@@ -39,7 +39,7 @@ from preshape.hal.world import FACES, CameraModel, Face, Image, NominalBox, Open
 
 MAX_VIEW_ANGLE = np.deg2rad(55.0)
 """Faces seen more obliquely are not searched."""
-ACCEPT, REJECT = 0.80, 0.60
+ACCEPT, REJECT = 0.70, 0.55
 """Scores from which a match is the opening, and below which it is none."""
 DISTINCT = 0.08
 """How far the best score must lie above that of any other place."""
@@ -138,7 +138,7 @@ def find_opening(
 
 def decide(matches: Sequence[OpeningMatch]) -> Decision:
     """Return what the matches of one image mean: found, not on these faces, ambiguous, or no face seen."""
-    faces = tuple(face for face in FACES if any(match.face == face for match in matches))
+    faces: tuple[Face, ...] = tuple(face for face in FACES if any(match.face == face for match in matches))
     if not matches:
         return Decision(Verdict.NOT_SEEN, None, faces)
     ranked = sorted(matches, key=lambda match: -match.score)
@@ -160,7 +160,7 @@ def _search_face(
     face_seen = np.mean([np.mean(picture.seen) for picture in turned])
     if face_seen < _MIN_SEEN:
         return []
-    edges = [edge for edge in FACES if frame.edge_sign(edge) != 0]
+    edges: list[Face] = [edge for edge in FACES if frame.edge_sign(edge) != 0]
     return [_search_edge(view, frame, face, edge, angle, turned, patch, extent) for edge in edges]
 
 

@@ -21,7 +21,7 @@ def smoothed(picture: NDArray[np.floating] | NDArray[np.uint8]) -> Picture:
     """Return the picture blurred by a separable [1 2 1] / 4 kernel, borders repeated."""
     padded = np.pad(picture.astype(np.float32), 1, mode="edge")
     across = (padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]) / 4
-    return (across[:-2] + 2 * across[1:-1] + across[2:]) / 4
+    return ((across[:-2] + 2 * across[1:-1] + across[2:]) / 4).astype(np.float32)
 
 
 def project(camera: CameraModel, p_world: Matrix) -> Matrix:

@@ -191,8 +191,10 @@ def test_palm_history_interpolates_between_its_poses_and_forgets_the_oldest() ->
     for tick in range(500):
         history.add(tick * TICK, moving_palm(tick * TICK * 1e-9))
     time = 480 * TICK + 700_000
-    assert np.allclose(history.at(time), moving_palm(time * 1e-9), atol=1e-6)
-    assert np.array_equal(history.at(10**12), moving_palm(499 * TICK * 1e-9))
+    between, newest = history.at(time), history.at(10**12)
+    assert between is not None and newest is not None
+    assert np.allclose(between, moving_palm(time * 1e-9), atol=1e-6)
+    assert np.array_equal(newest, moving_palm(499 * TICK * 1e-9))
     assert history.at(TICK) is None
 
 

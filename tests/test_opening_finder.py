@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from preshape.control.box_edges import PosePrior
 from preshape.control.opening_finder import ACCEPT, REJECT, OpeningMatch, Verdict, decide, find_opening
@@ -21,8 +22,9 @@ LIBRARY = texture_library(0.045, 0.040)
 SEEDS = 120
 
 
-def unit(v: Matrix) -> Matrix:
-    return v / np.linalg.norm(v)
+def unit(v: ArrayLike) -> Matrix:
+    values = np.asarray(v, np.float64)
+    return values / float(np.sqrt(values @ values))
 
 
 def camera_at(position: Matrix, target: Matrix) -> CameraModel:
