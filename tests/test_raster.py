@@ -8,8 +8,9 @@ import pytest
 
 from preshape.hal.transform import exp_so3, inverse, transform
 from preshape.tools import raster_kernels as kernels
-from preshape.tools.raster import Camera, Kind, Shape, look_at, pixel_window, project, render, segment
+from preshape.tools.raster import Camera, look_at, pixel_window, project, render
 from preshape.tools.scene_view import shapes_of
+from preshape.tools.shape import Kind, Shape, convex_body, segment
 
 RED = (1.0, 0.0, 0.0)
 BLUE = (0.0, 0.0, 1.0)
@@ -81,6 +82,19 @@ def test_sphere_is_drawn_where_its_centre_projects_and_as_large_as_its_angle() -
         assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx((column, row), abs=0.6)
         radius = 160 / 2 / np.tan(0.35) * np.tan(np.arcsin(0.1))
         assert np.sqrt(red.sum() / np.pi) == pytest.approx(radius, rel=0.06)
+
+
+def test_convex_body_of_a_boxs_corners_looks_like_the_box() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(5):
+        half = rng.uniform(0.05, 0.2, 3)
+        X = transform(rng.uniform(-0.2, 0.2, 3), exp_so3(rng.normal(size=3)))
+        corners = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * half
+        body = convex_body(corners, X, RED)
+        assert len(body.planes) == 6
+        camera = look_at((1.2, 0.4, 0.5), (0.0, 0.0, 0.0))
+        same = render([body], camera, 120, 90) == render([Shape("box", X, half, RED)], camera, 120, 90)
+        assert same.mean() > 0.999
 
 
 def test_pixel_window_holds_every_pixel_of_a_shape() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,41 +12,17 @@ from PIL import Image as PillowImage
 
 from preshape.hal.transform import Matrix, inverse, transform
 from preshape.tools import raster_kernels as kernels
+from preshape.tools.shape import Kind, Shape
 
 Picture = NDArray[np.uint8]
-Kind = Literal["box", "capsule", "cylinder", "ellipsoid"]
-Color = tuple[float, float, float]
-
 _KIND_NUMBER: dict[Kind, int] = {
     "box": kernels.BOX, "capsule": kernels.CAPSULE, "cylinder": kernels.CYLINDER, "ellipsoid": kernels.ELLIPSOID,
+    "convex": kernels.CONVEX,
 }  # fmt: skip
 BACKGROUND = np.array([[0.93, 0.95, 0.98], [0.80, 0.82, 0.86]])
 """Colours of the picture's top and bottom where nothing is."""
 LIGHT = np.array([0.30, -0.45, 0.84]) / np.linalg.norm([0.30, -0.45, 0.84])
 """Direction towards the lamp, world frame."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """One body to draw: a pose, a size and a colour.
-
-    `size` (3,), m: half edges of a box, half axes of an ellipsoid, (radius, half length along z, 0) of a
-    cylinder; a capsule's half length is that of its straight part. `flat` shapes (lines, marks) are drawn
-    in their plain colour without edges.
-    """
-
-    kind: Kind
-    X_world_shape: Matrix
-    size: Matrix
-    color: Color = (0.7, 0.7, 0.7)
-    flat: bool = False
-
-    def half(self) -> Matrix:
-        """Return the half edges of the shape's bounding box in its own frame, m."""
-        if self.kind in ("box", "ellipsoid"):
-            return np.asarray(self.size, float)
-        radius, length = float(self.size[0]), float(self.size[1])
-        return np.array([radius, radius, length + (radius if self.kind == "capsule" else 0.0)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,34 +44,6 @@ def look_at(eye: ArrayLike, target: ArrayLike, height_angle: float = 0.7) -> Cam
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
     return Camera(transform(eye, np.column_stack([right, np.cross(forward, right), forward])), height_angle)
-
-
-def segment(start: ArrayLike, end: ArrayLike, radius: float, color: Color) -> Shape:
-    """Return a line between two points (world, m) as a thin flat capsule."""
-    start, end = np.asarray(start, float), np.asarray(end, float)
-    along = end - start
-    length = float(np.linalg.norm(along))
-    z = along / length if length > 1e-12 else np.array([0.0, 0.0, 1.0])
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x /= np.linalg.norm(x)
-    X = transform((start + end) / 2, np.column_stack([x, np.cross(z, x), z]))
-    return Shape("capsule", X, np.array([radius, length / 2, 0.0]), color, flat=True)
-
-
-def wire_box(X_world_box: Matrix, half: ArrayLike, radius: float, color: Color) -> list[Shape]:
-    """Return the 12 edges of a box as lines."""
-    half = np.asarray(half, float)
-    edges: list[Shape] = []
-    for axis in range(3):
-        others = [k for k in range(3) if k != axis]
-        for signs in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
-            start = np.zeros(3)
-            start[others] = np.array(signs) * half[others]
-            end = start.copy()
-            start[axis], end[axis] = -half[axis], half[axis]
-            p, q = (X_world_box[:3, :3] @ point + X_world_box[:3, 3] for point in (start, end))
-            edges.append(segment(p, q, radius, color))
-    return edges
 
 
 def focal_length(camera: Camera, height: int) -> float:
@@ -153,8 +100,10 @@ def render(shapes: Sequence[Shape], camera: Camera, width: int = 640, height: in
         windows = [pixel_window(shape.half(), X[i], focal, columns, rows) for i, shape in enumerate(shapes)]
         kinds = np.array([_KIND_NUMBER[shape.kind] for shape in shapes])
         sizes = np.array([shape.size for shape in shapes], float)
+        planes = np.vstack([shape.planes for shape in shapes])
+        first_plane = np.cumsum([0, *(len(shape.planes) for shape in shapes)])
         light = X_camera_world[:3, :3] @ LIGHT
-        kernels.cast(kinds, X, sizes, np.array(windows), light, focal, depth, facet, shade)
+        kernels.cast(kinds, X, sizes, planes, first_plane, np.array(windows), light, focal, depth, facet, shade)
         shade[(facet >= 0) & np.append(flat, False)[facet // kernels.FACETS]] = 1.0
         kernels.draw_edges(depth, facet, ~flat, shade)
     image = np.empty((height, width, 3), np.uint8)

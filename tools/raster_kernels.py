@@ -12,9 +12,9 @@ from preshape.planner.compiled import compiled
 
 Floats = NDArray[np.float64]
 
-BOX, CAPSULE, CYLINDER, ELLIPSOID = range(4)
-FACETS = 8
-"""Facet numbers kept free for each shape; 0 .. 5 are a box's faces."""
+BOX, CAPSULE, CYLINDER, ELLIPSOID, CONVEX = range(5)
+FACETS = 256
+"""Facet numbers kept free for each shape: a box has 6, a convex body as many as it has planes."""
 NEAR = 0.01
 """Nothing nearer to the camera than this is drawn, m."""
 TIE = 2e-4
@@ -128,10 +128,32 @@ def hit_capsule(o: Floats, d: Floats, size: Floats, normal: Floats) -> tuple[flo
 
 
 @compiled
+def hit_convex(o: Floats, d: Floats, planes: Floats, normal: Floats) -> tuple[float, int]:
+    """Return depth and facet where a ray enters the body n . x <= b; `planes` (m, 4) holds n (unit) and b."""
+    enter, leave, facet = -1e30, 1e30, 0
+    for m in range(len(planes)):
+        slope = planes[m, 0] * d[0] + planes[m, 1] * d[1] + planes[m, 2] * d[2]
+        room = planes[m, 3] - (planes[m, 0] * o[0] + planes[m, 1] * o[1] + planes[m, 2] * o[2])
+        if abs(slope) < 1e-15:
+            if room < 0:
+                return MISS, 0
+        elif slope > 0:
+            leave = min(leave, room / slope)
+        elif room / slope > enter:
+            enter, facet = room / slope, m
+    if enter > leave:
+        return MISS, 0
+    normal[:] = planes[facet, :3]
+    return enter, facet
+
+
+@compiled
 def cast(
     kinds: NDArray[np.int64],
     X_camera_shape: Floats,
     sizes: Floats,
+    planes: Floats,
+    first_plane: NDArray[np.int64],
     windows: NDArray[np.int64],
     light: Floats,
     focal: float,
@@ -141,6 +163,7 @@ def cast(
 ) -> None:
     """Draw every shape into the buffers (h, w), each inside its pixel window (first/last column, first/last row).
 
+    `planes` holds those of all convex bodies, shape s the rows from first_plane[s] to first_plane[s + 1].
     depth: m, start at infinity; facet: FACETS * shape + facet, start at -1; shade: brightness 0 .. 1 by
     Lambert's law from a lamp in direction `light` (unit, camera frame) and a weaker one at the camera.
     """
@@ -167,8 +190,10 @@ def cast(
                     t, number = hit_capsule(o, d, sizes[s], normal)
                 elif kinds[s] == CYLINDER:
                     t, number = hit_cylinder(o, d, sizes[s], normal)
-                else:
+                elif kinds[s] == ELLIPSOID:
                     t, number = hit_ellipsoid(o, d, sizes[s], normal)
+                else:
+                    t, number = hit_convex(o, d, planes[first_plane[s] : first_plane[s + 1]], normal)
                 if t < NEAR or t >= depth[row, column] - TIE:
                     continue
                 facing = -(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]) / np.sqrt(u * u + v * v + 1.0)

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from preshape.hal.transform import transform
-from preshape.tools.raster import Color, Kind, Picture, Shape, look_at, render
+from preshape.tools.raster import Picture, look_at, render
+from preshape.tools.shape import Color, Kind, Shape
 
 HIDDEN_GROUP = 3
 """Geoms of this group and above are not drawn."""
