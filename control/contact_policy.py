@@ -35,7 +35,7 @@ class Phase(StrEnum):
     AFTER_CONTACT = "after_contact"
     """The thumb touches: only B3's joints are repelled."""
     PINCH = "pinch"
-    """The thumb is inside: fore and middle must touch the opening's outer face too."""
+    """The thumb is inside: fore and middle must touch the opening's outer face too; nothing pushes them off it."""
 
 
 class Contact(StrEnum):
