@@ -200,7 +200,7 @@ def cast(
                 lit = max(0.0, normal[0] * lamp[0] + normal[1] * lamp[1] + normal[2] * lamp[2])
                 depth[row, column] = t
                 facet[row, column] = FACETS * s + number
-                shade[row, column] = 0.42 + 0.38 * lit + 0.20 * facing
+                shade[row, column] = 0.45 + 0.28 * lit + 0.27 * facing
 
 
 @compiled
