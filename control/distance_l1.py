@@ -22,61 +22,77 @@ TIE_M = 1e-14
 """Dual values closer than this are one value, m."""
 _ZERO = 1e-9
 _SLACK_M = 1e-11
-WORK_L1 = (3, 24, 2)
+WORK_L1 = (6, 48)
 """Shape of the scratch array that `pair_l1` needs."""
 
 
 @compiled
-def _offer(y: Matrix, R: Matrix, h: Matrix, H: Matrix, d0: float, d1: float, d2: float, best: Matrix) -> None:
-    """Keep the best dual vector: `best` rows are first (3), sum of ties (3), (value, ties, -)."""
-    along = y[0] * d0 + y[1] * d1 + y[2] * d2
-    value = abs(along) - H[0] * abs(d0) - H[1] * abs(d1) - H[2] * abs(d2)
-    for j in range(3):
-        value -= h[j] * abs(R[0, j] * d0 + R[1, j] * d1 + R[2, j] * d2)
-    if value < best[2, 0] - TIE_M:
-        return
-    sign = -1.0 if along < 0.0 else 1.0
-    if value > best[2, 0] + TIE_M:
-        best[2, 0], best[2, 1] = value, 0.0
-        best[0, 0], best[0, 1], best[0, 2] = sign * d0, sign * d1, sign * d2
-        best[1, :] = 0.0
-    best[2, 1] += 1.0
-    best[1, 0] += sign * d0
-    best[1, 1] += sign * d1
-    best[1, 2] += sign * d2
-
-
-@compiled
-def _offer_on_axes(y: Matrix, R: Matrix, h: Matrix, H: Matrix, k: int, dk: float, dl: float, dm: float, best: Matrix) -> None:
-    """Offer the vector with components (dk, dl, dm) along axes k, k + 1, k + 2 (cyclic)."""
-    if k == 0:
-        _offer(y, R, h, H, dk, dl, dm, best)
-    elif k == 1:
-        _offer(y, R, h, H, dm, dk, dl, best)
-    else:
-        _offer(y, R, h, H, dl, dm, dk, best)
-
-
-@compiled
-def _offer_all(y: Matrix, R: Matrix, h: Matrix, H: Matrix, best: Matrix) -> None:
+def _candidates(R: Matrix, D: Matrix) -> int:
+    """Write the dual vectors as columns of D (3, 43), each |d|_max <= 1; return their number."""
+    n = 0
     for k in range(3):
         u, v = (k + 1) % 3, (k + 2) % 3
-        _offer_on_axes(y, R, h, H, k, 1.0, 0.0, 0.0, best)
-        largest = max(abs(R[0, k]), abs(R[1, k]), abs(R[2, k]))
-        _offer(y, R, h, H, R[0, k] / largest, R[1, k] / largest, R[2, k] / largest, best)
+        D[k, n], D[u, n], D[v, n] = 1.0, 0.0, 0.0
+        scale = 1.0 / max(abs(R[0, k]), abs(R[1, k]), abs(R[2, k]))
+        D[0, n + 1], D[1, n + 1], D[2, n + 1] = R[0, k] * scale, R[1, k] * scale, R[2, k] * scale
+        D[k, n + 2], D[u, n + 2], D[v, n + 2] = 0.0, 1.0, 1.0
+        D[k, n + 3], D[u, n + 3], D[v, n + 3] = 0.0, 1.0, -1.0
+        n += 4
         for j in range(3):
-            largest = max(abs(R[u, j]), abs(R[v, j]))
+            along, across, beside = R[k, j], R[u, j], R[v, j]
+            largest = max(abs(across), abs(beside))
             if largest > 1e-12:
-                _offer_on_axes(y, R, h, H, k, 0.0, -R[v, j] / largest, R[u, j] / largest, best)
-        for side in range(2):
-            other = 1.0 - 2.0 * side
-            _offer_on_axes(y, R, h, H, k, 0.0, 1.0, other, best)
-            for j in range(3):
-                rest = R[u, j] + other * R[v, j]
-                if abs(rest) <= abs(R[k, j]) and abs(R[k, j]) > 1e-12:
-                    _offer_on_axes(y, R, h, H, k, -rest / R[k, j], 1.0, other, best)
+                D[k, n], D[u, n], D[v, n] = 0.0, -beside / largest, across / largest
+                n += 1
+            for side in range(2):
+                other = 1.0 - 2.0 * side
+                rest = across + other * beside
+                if abs(rest) <= abs(along) and abs(along) > 1e-12:
+                    D[k, n], D[u, n], D[v, n] = -rest / along, 1.0, other
+                    n += 1
     for corner in range(4):
-        _offer(y, R, h, H, 1.0, 1.0 - 2.0 * (corner & 1), 1.0 - (corner & 2), best)
+        D[0, n], D[1, n], D[2, n] = 1.0, 1.0 - 2.0 * (corner & 1), 1.0 - (corner & 2)
+        n += 1
+    return n
+
+
+@compiled
+def _dual_values(y: Matrix, R: Matrix, h: Matrix, H: Matrix, D: Matrix, count: int, value: Matrix) -> float:
+    """Write |y.d| - sum_j |g_j.d| of the first `count` columns of D; return the largest."""
+    y0, y1, y2, H0, H1, H2 = y[0], y[1], y[2], H[0], H[1], H[2]
+    a0, a1, a2 = R[0, 0] * h[0], R[1, 0] * h[0], R[2, 0] * h[0]
+    b0, b1, b2 = R[0, 1] * h[1], R[1, 1] * h[1], R[2, 1] * h[1]
+    c0, c1, c2 = R[0, 2] * h[2], R[1, 2] * h[2], R[2, 2] * h[2]
+    for n in range(count):
+        d0, d1, d2 = D[0, n], D[1, n], D[2, n]
+        value[n] = (
+            abs(y0 * d0 + y1 * d1 + y2 * d2)
+            - (H0 * abs(d0) + H1 * abs(d1) + H2 * abs(d2))
+            - abs(a0 * d0 + a1 * d1 + a2 * d2)
+            - abs(b0 * d0 + b1 * d1 + b2 * d2)
+            - abs(c0 * d0 + c1 * d1 + c2 * d2)
+        )
+    best = value[0]
+    for n in range(1, count):
+        best = max(best, value[n])
+    return best
+
+
+@compiled
+def _dual(y: Matrix, D: Matrix, count: int, value: Matrix, best: float, d: Matrix) -> None:
+    """Write the best dual vector, signed along y: the mean of the ties when apart, the first when overlapping."""
+    ties = 0.0
+    d[0] = d[1] = d[2] = 0.0
+    for n in range(count):
+        if value[n] >= best - TIE_M:
+            sign = -1.0 if y[0] * D[0, n] + y[1] * D[1, n] + y[2] * D[2, n] < 0.0 else 1.0
+            ties += 1.0
+            for k in range(3):
+                d[k] += sign * D[k, n]
+            if best <= 0.0:
+                break
+    for k in range(3):
+        d[k] /= ties
 
 
 @compiled
@@ -113,7 +129,7 @@ def _polygon_center(a: Matrix, R: Matrix, h: Matrix, d: Matrix, H: Matrix, i: in
     """Return the mean corner of the optimal (s_i, s_j), the square clipped by the bounds of all three axes."""
     slack = _SLACK_M
     while True:
-        here, there = work[0], work[1]
+        here, there = work[0].reshape(24, 2), work[1].reshape(24, 2)
         here[0, 0], here[0, 1], here[1, 0], here[1, 1] = -1.0, -1.0, 1.0, -1.0
         here[2, 0], here[2, 1], here[3, 0], here[3, 1] = 1.0, 1.0, -1.0, 1.0
         count = 4
@@ -191,20 +207,17 @@ def pair_l1(y: Matrix, R: Matrix, h: Matrix, H: Matrix, a: Matrix, o: Matrix, d:
 
     Overlapping boxes: D = -depth; moving the link by o - a, one axis of the obstacle, just separates them.
     """
-    best = work[2, :6].reshape(3, 4)
-    best[2, 0], best[2, 1] = -np.inf, 0.0
-    _offer_all(y, R, h, H, best)
-    value = best[2, 0]
+    D, values = work[2:5], work[5]
+    count = _candidates(R, D)
+    value = _dual_values(y, R, h, H, D, count, values)
+    _dual(y, D, count, values, value, d)
     if value > 0.0:
-        for k in range(3):
-            d[k] = best[1, k] / best[2, 1]
         _witness(y, R, h, H, d, a, work)
         for k in range(3):
             o[k] = min(max(a[k], -H[k]), H[k])
         return value
     axis = 0
     for k in range(3):
-        d[k] = best[0, k]
         if abs(d[k]) > abs(d[axis]) + _ZERO:
             axis = k
     shift = -value if d[axis] > 0.0 else value
