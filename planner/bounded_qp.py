@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from preshape.hal.transform import Matrix
 from preshape.planner.compiled import compiled
 
 
 @compiled
-def _solve_free(G: Matrix, r: Matrix, free: Matrix, n: int, L: Matrix, y: Matrix) -> bool:
-    """Write y = -G_ff^-1 r_f over the first n indices in `free`, by Cholesky; False if G_ff is not positive definite."""
+def _solve_free(G: Matrix, r: Matrix, free: NDArray[np.int64], n: int, L: Matrix, y: Matrix) -> bool:
+    """Write y = -G_ff^-1 r_f over the first n indices in `free`, by Cholesky; False if G_ff is not positive."""
     for i in range(n):
         for j in range(i + 1):
             s = G[free[i], free[j]]

@@ -32,10 +32,9 @@ class Hull:
 
 def _first_simplex(points: Matrix, scale: float) -> list[int] | None:
     """Return d + 1 affinely independent points, each the farthest from those before it; None when there are none."""
-    n, d = points.shape
     chosen = [int(np.argmin(points[:, 0]))]
     rest = points - points[chosen[0]]
-    for _ in range(d):
+    for _ in range(points.shape[1]):
         length = np.linalg.norm(rest, axis=1)
         farthest = int(np.argmax(length))
         if length[farthest] < 1e-7 * scale:
@@ -49,7 +48,8 @@ def _first_simplex(points: Matrix, scale: float) -> list[int] | None:
 def _planes(points: Matrix, facets: NDArray[np.int64], inside: Matrix) -> Matrix:
     """Return a (m, d) with a . (x - inside) = 1 on each facet: no facet passes through a point inside."""
     corners = points[facets] - inside
-    return np.linalg.solve(corners, np.ones((*corners.shape[:2], 1)))[..., 0]
+    solved = np.linalg.solve(corners, np.ones((*corners.shape[:2], 1)))
+    return np.asarray(solved[..., 0], dtype=np.float64)
 
 
 def convex_hull(points: ArrayLike) -> Hull | None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix
 from preshape.planner.convex_hull import convex_hull
+from preshape.planner.directions import square_to
 from preshape.planner.grasping_plane import grasping_plane
 
 CONE_EDGES = 8
@@ -85,9 +86,8 @@ def cone_wrenches(
     wrenches: list[Matrix] = []
     angles = np.arange(CONE_EDGES) * 2.0 * np.pi / CONE_EDGES
     for p, n in zip(np.asarray(points, float), np.asarray(normals, float), strict=True):
-        u = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
-        u /= np.linalg.norm(u)
-        forces = n + friction * (np.outer(np.cos(angles), u) + np.outer(np.sin(angles), np.cross(n, u)))
+        u, v = square_to(n)
+        forces = n + friction * (np.outer(np.cos(angles), u) + np.outer(np.sin(angles), v))
         moments = np.cross(p - np.asarray(center, float), forces)
         wrenches.append(np.column_stack([forces, moments / length]))
         if torsion > 0.0:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from preshape.hal.transform import Matrix, axis_rotation, transform
 from preshape.planner.convex_hull import Hull, convex_hull
+from preshape.planner.directions import square_to
 
 CYLINDER_SIDES = 16
 """Sides of the prism around a cylinder; a multiple of 4 keeps its smallest box exact."""
@@ -96,11 +97,13 @@ def _placed(name: str, points: Matrix, X: Matrix | None) -> Part:
 def _unique_directions(vectors: Matrix) -> Matrix:
     """Return unit directions without repeats; a direction and its opposite are the same."""
     lengths = np.linalg.norm(vectors, axis=1)
-    units = vectors[lengths > _SHORT * lengths.max()] / lengths[lengths > _SHORT * lengths.max(), None]
-    leading = np.argmax(np.abs(units) > 1e-6, axis=1)
-    units = units * np.sign(units[np.arange(len(units)), leading])[:, None]
-    _, first = np.unique(np.round(units, 6), axis=0, return_index=True)
-    return units[np.sort(first)]
+    kept: dict[tuple[float, ...], Matrix] = {}
+    for i in np.flatnonzero(lengths > _SHORT * lengths.max()):
+        unit: Matrix = vectors[i] / lengths[i]
+        # The first coordinate that is not zero decides which of two opposite directions stands for both.
+        unit = unit * np.sign(unit[int(np.argmax(np.abs(unit) > 1e-6))])
+        kept.setdefault(tuple(np.round(unit, 6).tolist()), unit)
+    return np.array(list(kept.values()))
 
 
 def _hull_edges(points: Matrix, hull: Hull) -> Matrix:
@@ -110,14 +113,13 @@ def _hull_edges(points: Matrix, hull: Hull) -> Matrix:
 
 
 def _volume(points: Matrix, R: Matrix) -> float:
-    return float(np.prod(np.ptp(points @ R, axis=0)))
+    turned = points @ R
+    return float(np.prod(turned.max(axis=0) - turned.min(axis=0)))
 
 
 def _best_turn(points: Matrix, normal: Matrix, edges: Matrix) -> tuple[float, Matrix]:
     """Return volume and rotation of the smallest box with one face square to `normal`: a side lies along an edge."""
-    u = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    u /= np.linalg.norm(u)
-    v = np.cross(normal, u)
+    u, v = square_to(normal)
     plane = np.column_stack([u, v])
     flat = edges @ plane
     flat = flat[np.linalg.norm(flat, axis=1) > 1e-6]
@@ -131,19 +133,19 @@ def _best_turn(points: Matrix, normal: Matrix, edges: Matrix) -> tuple[float, Ma
     return float(area[k] * np.ptp(points @ normal)), R
 
 
-def _refined(points: Matrix, R: Matrix) -> Matrix:
+def _refined(points: Matrix, rotation: Matrix) -> Matrix:
     """Turn a box by smaller and smaller angles about its own axes while it shrinks."""
-    best = _volume(points, R)
+    best = _volume(points, rotation)
     for step in np.deg2rad(_REFINE_DEG):
         improved = True
         while improved:
             improved = False
             for axis, sign in product(np.eye(3), (-1.0, 1.0)):
-                turned = R @ axis_rotation(axis, sign * float(step))
+                turned = rotation @ axis_rotation(axis, sign * float(step))
                 volume = _volume(points, turned)
                 if volume < best * (1.0 - 1e-9):
-                    R, best, improved = turned, volume, True
-    return R
+                    rotation, best, improved = turned, volume, True
+    return rotation
 
 
 def _named_like_object(R: Matrix) -> Matrix:
@@ -176,11 +178,11 @@ def minimum_box(part: Part) -> MinimumBox:
         raise ValueError(f"part {part.name}: {len(part.vertices)} vertices that span no volume")
     points = part.vertices[hull.vertices]
     edges = _unique_directions(_hull_edges(part.vertices, hull))
-    normals = hull.normals
+    normals: Matrix = hull.normals
     if len(edges) <= EDGE_PAIRS_MAX:
         first, second = np.triu_indices(len(edges), 1)
-        normals = np.vstack([normals, np.cross(edges[first], edges[second])])
-    found = [_best_turn(points, normal, edges) for normal in _unique_directions(normals)]
+        normals = np.vstack([normals, np.cross(edges[first], edges[second])]).astype(np.float64)
+    found = [_best_turn(points, normal, edges) for normal in list(_unique_directions(normals))]
     smallest = min(volume for volume, _ in found)
     ties = [_named_like_object(R) for volume, R in found if volume <= smallest * (1.0 + 1e-6)]
     R = _refined(points, max(ties, key=lambda candidate: float(np.trace(candidate))))

@@ -21,6 +21,10 @@ AT_BOUND = 1e-9
 """A component this close to a bound lies on it (scaled)."""
 
 
+def _least_squares(A: Matrix, b: Matrix) -> Matrix:
+    return np.asarray(np.linalg.lstsq(A, b, rcond=1e-13)[0], dtype=np.float64)
+
+
 class _Point:
     """Constraint, Jacobian and multipliers at one scaled displacement z."""
 
@@ -33,9 +37,9 @@ class _Point:
         self.c, self.A = c / limits.length, A / limits.length / limits.weights
         self.lower, self.upper = limits.weights * limits.lower, limits.weights * limits.upper
         self.free = np.ones(STATE_DOF, bool)
-        self.y = np.zeros(n)
+        self.y: Matrix = np.zeros(n)
         for _ in range(4):
-            self.y = np.linalg.lstsq(self.A[:, self.free].T, -self.z[self.free], rcond=1e-12)[0]
+            self.y = _least_squares(self.A[:, self.free].T, -self.z[self.free])
             gradient = self.z + self.A.T @ self.y
             free = ~(((z <= self.lower + AT_BOUND) & (gradient > 0)) | ((z >= self.upper - AT_BOUND) & (gradient < 0)))
             if np.array_equal(free, self.free):
@@ -56,7 +60,7 @@ class _Point:
         G = np.eye(STATE_DOF) + H / W[:, None] / W
         K = np.block([[G[np.ix_(f, f)], self.A[:, f].T], [self.A[:, f], -rho * np.eye(m)]])
         s = np.zeros(STATE_DOF)
-        s[f] = np.linalg.lstsq(K, -np.concatenate([self.z[f], self.c]), rcond=1e-13)[0][: len(f)]
+        s[f] = _least_squares(K, -np.concatenate([self.z[f], self.c]))[: len(f)]
         return np.clip(self.z + s, self.lower, self.upper) - self.z
 
 

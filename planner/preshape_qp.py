@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from itertools import product
+from typing import cast
 
 import daqp
 import numpy as np
@@ -32,6 +33,9 @@ SOLVED_RESIDUAL = 1e-4
 
 SOLVED_KKT = 1e-5
 """Scaled KKT residual up to which a preshape counts as solved."""
+
+LONG = 300
+"""Steps granted to the rare solve that creeps past a flat stretch of the cost."""
 
 NEAR = 5e-4
 """Fingertip error up to which an answer that is not yet a KKT point is worth polishing, m."""
@@ -184,8 +188,12 @@ def paper_step(problem: PreshapeProblem) -> Matrix | None:
     lower, upper = problem.bounds()
     sense = np.repeat(np.array([0, 5], np.int32), [STATE_DOF, len(b)])
     H = np.diag(problem.weights.vector() ** 2)
-    d, _, flag, _ = daqp.solve(H, np.zeros(STATE_DOF), A, np.append(upper, b), np.append(lower, b), sense)
-    return np.asarray(d) if flag == 1 else None
+    bounds = np.append(upper, b), np.append(lower, b)
+    answer = cast(
+        tuple[Matrix, float, int, object],
+        daqp.solve(H, np.zeros(STATE_DOF), A, *bounds, sense),  # pyright: ignore[reportUnknownMemberType]
+    )
+    return answer[0] if answer[2] == 1 else None
 
 
 def _limits(problem: PreshapeProblem, iterations: int) -> Limits:
@@ -226,11 +234,17 @@ def _order(outcome: Outcome) -> tuple[bool, float]:
 
 
 def _polished(problem: PreshapeProblem, d: Matrix, outcome: Outcome) -> tuple[Matrix, Outcome]:
-    """Return d and outcome, or better ones by Newton steps without slack and, failing that, with it."""
+    """Return d and outcome, or better ones by Newton steps without slack, with it, or by many more usual steps."""
+    tables, nominal, limits = problem.kinematics.tables, problem.nominal(), _limits(problem, 0)
+    attempts = (
+        lambda: polish(tables, nominal, limits, d, 0.0),
+        lambda: polish(tables, nominal, limits, d, RHO),
+        lambda: descend_from(problem, d, LONG),
+    )
     best_d, best = d, outcome
-    for rho in (0.0, RHO):
-        candidate, reached = polish(problem.kinematics.tables, problem.nominal(), _limits(problem, 0), d, rho)
-        if reached.kkt < best.kkt:
+    for attempt in attempts:
+        candidate, reached = attempt()
+        if reached.kkt < best.kkt and reached.residual <= max(best.residual, SOLVED_RESIDUAL):
             best_d, best = candidate, reached
         if best.kkt <= SOLVED_KKT:
             break

@@ -98,7 +98,8 @@ def descend(tables: HandTables, nominal: Nominal, limits: Limits, d: Matrix, y: 
     c, A, c_new, A_new = np.empty(m), np.empty((m, 19)), np.empty(m), np.empty((m, 19))
     H, s = np.zeros((19, 19)), np.zeros(19)
     tip_constraint(tables, nominal, z / W, frames, origins, tips, J, c, A)
-    c, A = c / length, A / length / W
+    c /= length
+    A[:] = A / length / W
     radius, nu, best, patience = limits.radius, 1.0, np.inf, 0
     residual, kkt, count = _worst_tip(c) * length, np.inf, 0
     for iteration in range(limits.iterations):
@@ -110,12 +111,12 @@ def descend(tables: HandTables, nominal: Nominal, limits: Limits, d: Matrix, y: 
             for i in range(19):
                 for j in range(19):
                     H[i, j] /= W[i] * W[j]
+        else:
+            H[:] = 0.0
         shift, status = 0.0, -1
         s_lower, s_upper = np.maximum(lower - z, -radius), np.minimum(upper - z, radius)
         for _ in range(14):
-            G, g = np.eye(19) * (1.0 + shift), z.copy()
-            if newton:
-                G += H
+            G, g = H + np.eye(19) * (1.0 + shift), z.copy()
             _add_penalty(G, g, A, c, y)
             s[:] = 0.0
             status = solve_bounded_qp(G, g, s_lower, s_upper, s)
