@@ -63,5 +63,6 @@ def tip_targets(half: ArrayLike, fingers: tuple[str, ...], side: Side) -> Matrix
     if len(others) == 3:
         kinematics = hand_kinematics(side)
         rest = kinematics.tips(np.clip(np.zeros(len(kinematics.lower)), kinematics.lower, kinematics.upper))[0][1:, 2]
-        z = rest - rest.mean()
+        # Fore and ring differ by some 20 um; their mean keeps the segment between them parallel to y.
+        z = (rest + rest[::-1]) / 2.0 - rest.mean()
     return np.vstack([[x, 0.0, 0.0], np.column_stack([np.full(len(others), -x), y, z])])

@@ -20,7 +20,7 @@ from preshape.planner.hand_kinematics import HandKinematics, hand_kinematics
 from preshape.planner.postures import START_POSTURES, WIDE_POSTURES, WIDE_YAWS
 from preshape.planner.preshape_constraint import STATE_DOF, Nominal, tip_constraint
 from preshape.planner.preshape_polish import polish
-from preshape.planner.preshape_sqp import RHO, Limits, Outcome, descend
+from preshape.planner.preshape_sqp import RHO, Limits, Outcome, descend, quadratic_step
 
 HAND_LENGTH = 0.28
 """Palm origin to the tip of a straight finger, m: a palm turned by 1 rad moves its fingertips by about this."""
@@ -194,6 +194,18 @@ def paper_step(problem: PreshapeProblem) -> Matrix | None:
         daqp.solve(H, np.zeros(STATE_DOF), A, *bounds, sense),  # pyright: ignore[reportUnknownMemberType]
     )
     return answer[0] if answer[2] == 1 else None
+
+
+def nominal_step(problem: PreshapeProblem) -> Matrix:
+    """Return the first step d (19,) of this solver from x_n, unbounded in length: `paper_step` with a slack of RHO."""
+    A, b = linearised(problem)
+    W, (lower, upper) = problem.weights.vector(), problem.bounds()
+    zero, s = np.zeros(STATE_DOF), np.zeros(STATE_DOF)
+    length, none = HAND_LENGTH, np.zeros((STATE_DOF, STATE_DOF))
+    solved = quadratic_step(zero, -b / length, A / length / W, np.zeros(len(b)), none, W * lower, W * upper, np.inf, s)
+    if not solved:
+        raise ArithmeticError("a convex program was found not to be convex: non-finite input?")
+    return s / W
 
 
 def _limits(problem: PreshapeProblem, iterations: int) -> Limits:
