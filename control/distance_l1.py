@@ -125,7 +125,9 @@ def _clip(polygon: Matrix, count: int, clipped: Matrix, a: float, b: float, c: f
 
 
 @compiled
-def _polygon_center(a: Matrix, R: Matrix, h: Matrix, d: Matrix, H: Matrix, i: int, j: int, work: Matrix) -> tuple[float, float]:
+def _polygon_center(
+    a: Matrix, R: Matrix, h: Matrix, d: Matrix, H: Matrix, i: int, j: int, work: Matrix
+) -> tuple[float, float]:
     """Return the mean corner of the optimal (s_i, s_j), the square clipped by the bounds of all three axes."""
     slack = _SLACK_M
     while True:

@@ -71,7 +71,9 @@ def _largest_gap(y: Matrix, R: Matrix, h: Matrix, H: Matrix, n: Matrix, trial: M
 
 
 @compiled
-def _keep(best: float, count: float, ax: float, ay: float, az: float, ox: float, oy: float, oz: float, sums: Matrix) -> tuple[float, float]:
+def _keep(
+    best: float, count: float, ax: float, ay: float, az: float, ox: float, oy: float, oz: float, sums: Matrix
+) -> tuple[float, float]:
     """Keep the closest witnesses (rows 0 and 1: sums over ties); return the distance and the number of ties."""
     value = np.sqrt((ax - ox) ** 2 + (ay - oy) ** 2 + (az - oz) ** 2)
     if value > best + TIE_M:
@@ -123,8 +125,9 @@ def _corners(y: Matrix, R: Matrix, h: Matrix, H: Matrix, sums: Matrix) -> tuple[
 
 @compiled
 def _edge_pair(
-    y: Matrix, R: Matrix, h: Matrix, H: Matrix, i: int, k: int, n: Matrix, signs: int, best: float, count: float, sums: Matrix
-) -> tuple[float, float]:
+    y: Matrix, R: Matrix, h: Matrix, H: Matrix, i: int, k: int, n: Matrix, signs: int,
+    best: float, count: float, sums: Matrix,
+) -> tuple[float, float]:  # fmt: skip
     """Try one edge of the link along i and one of the obstacle along k, those that support n.
 
     An edge whose side is undecided (n lies in a face's normal plane) is taken by the bits of `signs`.

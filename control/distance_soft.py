@@ -141,9 +141,7 @@ def _newton_step(euclidean: bool, R: Matrix, h: Matrix, H: Matrix, u: Matrix, wo
 
 
 @compiled
-def pair_soft(
-    euclidean: bool, y: Matrix, R: Matrix, h: Matrix, H: Matrix, a: Matrix, d: Matrix, work: Matrix
-) -> float:
+def pair_soft(euclidean: bool, y: Matrix, R: Matrix, h: Matrix, H: Matrix, a: Matrix, d: Matrix, work: Matrix) -> float:
     """Return D_soft (m), started at the exact witness a (3,) in the obstacle's frame; write its own a and gradient d.
 
     Arguments as in `pair_l2`; `work` has shape `WORK_SOFT`. |d| = 1 in L2 and at most 1 an axis in L1.
@@ -157,7 +155,7 @@ def pair_soft(
     for _ in range(_STEPS):
         if _newton_step(euclidean, R, h, H, u, work) < _GRADIENT_TOL:
             break
-        scale, fell = 1.0, False
+        scale, fell, lower = 1.0, False, value
         while scale > 1e-7 and not fell:
             for j in range(3):
                 trial[j] = _bounded(u[j] - scale * work[4, j], h[j])

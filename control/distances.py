@@ -65,9 +65,7 @@ def relative_box(p: Matrix, R: Matrix, p_obstacle: Matrix, R_obstacle: Matrix, y
         for k in range(3):
             y[i] += R_obstacle[k, i] * (p[k] - p_obstacle[k])
         for j in range(3):
-            R_rel[i, j] = (
-                R_obstacle[0, i] * R[0, j] + R_obstacle[1, i] * R[1, j] + R_obstacle[2, i] * R[2, j]
-            )
+            R_rel[i, j] = R_obstacle[0, i] * R[0, j] + R_obstacle[1, i] * R[1, j] + R_obstacle[2, i] * R[2, j]
 
 
 @compiled

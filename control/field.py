@@ -72,8 +72,11 @@ class FieldGains:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroupReading:
-    """Telemetry of one group against its nearest body: signed distance (m, inf beyond the range), that body's
-    name, the reciprocal point and the force on the group (world frame, m and N)."""
+    """Telemetry of one group.
+
+    Signed distance to its nearest body (m, inf beyond the range), that body's name, the reciprocal point
+    there (m) and the force on the group summed over bodies (N), in the world frame.
+    """
 
     group: Group
     distance: float
@@ -92,8 +95,11 @@ class HandGoal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandMotion:
-    """What the field asks of one hand: twist of the palm frame (velocity of its origin m/s, then angular velocity
-    rad/s, world frame) and 13 joint velocities (rad/s)."""
+    """What the field asks of one hand.
+
+    `twist` of the palm frame in the world: velocity of its origin (m/s), then angular velocity (rad/s);
+    `joints`: 13 joint velocities (rad/s).
+    """
 
     twist: Matrix
     joints: Matrix
@@ -153,7 +159,9 @@ class Field:
         twist = np.concatenate([p.base_mobility * force, p.turn_mobility * torque])
         return HandMotion(twist, p.joint_mobility * joint_torque)
 
-    def motion(self, side: Side, goal: HandGoal, joints: ArrayLike, feed_forward: ArrayLike | None = None) -> HandMotion:
+    def motion(
+        self, side: Side, goal: HandGoal, joints: ArrayLike, feed_forward: ArrayLike | None = None
+    ) -> HandMotion:
         """Return attraction plus repulsion of the last evaluation, plus a twist (6,) of the goal's frame at the palm.
 
         The feed-forward is what a moving box asks (`carried_twist`): the field then lives in the box's frame.

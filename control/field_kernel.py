@@ -34,8 +34,11 @@ class World(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """What acts on what: per hand, member and body (2, 5, B) gains on base and joints in 0 .. 1 and who is left
-    out of the group's minimum (`ignored`); per hand, group and body (2, 3, B) the range in m, 0 = not measured."""
+    """What acts on what.
+
+    Per hand, member and body (2, 5, B): gains on base and joints in 0 .. 1 and who is left out of its
+    group's minimum (`ignored`); per hand, group and body (2, 3, B): the range `reach` in m, 0 = not measured.
+    """
 
     base: Matrix
     joints: Matrix
@@ -44,8 +47,11 @@ class Gains(NamedTuple):
 
 
 class Results(NamedTuple):
-    """Outputs: wrench (2, 6) force then torque about the palm's origin, torque (2, 13), energy (2,), and per
-    hand, group and body (2, 3, B, ...): distance, reciprocal point and force, all in the world frame."""
+    """Outputs, in the world frame.
+
+    Per hand: wrench (2, 6), force then torque about the palm's origin, joint torque (2, 13), energy (2,);
+    per hand, group and body (2, 3, B, ...): distance, reciprocal point and force.
+    """
 
     wrench: Matrix
     torque: Matrix
@@ -98,9 +104,9 @@ class Rules(NamedTuple):
 
 
 @compiled
-def _too_far(world: World, box: int, x: Matrix, radius: float, cutoff: float) -> bool:
+def _too_far(world: World, box: int, x: Matrix, node: int, cutoff: float) -> bool:
     """Tell by the link's bounding sphere whether a pair is surely farther apart than the cutoff."""
-    reach = cutoff + radius
+    reach = cutoff + world.radius[node]
     r0, r1, r2 = x[0] - world.p[box, 0], x[1] - world.p[box, 1], x[2] - world.p[box, 2]
     square = r0 * r0 + r1 * r1 + r2 * r2
     if square > (reach + world.radius[box]) ** 2:
@@ -114,7 +120,9 @@ def _too_far(world: World, box: int, x: Matrix, radius: float, cutoff: float) ->
 
 
 @compiled
-def _measure(rules: Rules, world: World, poses: NodePoses, node: int, box: int, cutoff: float, n: int, work: Work) -> float:
+def _measure(
+    rules: Rules, world: World, poses: NodePoses, node: int, box: int, cutoff: float, n: int, work: Work
+) -> float:
     """Write candidate n: distance, point on the link and gradient in the world; return the exact distance."""
     y, a, o, d = work.vectors[0], work.vectors[1], work.vectors[2], work.vectors[3]
     relative_box(poses.p_box[node], poses.R_box[node], world.p[box], world.R[box], y, work.R_rel)
@@ -138,8 +146,8 @@ def _measure(rules: Rules, world: World, poses: NodePoses, node: int, box: int, 
 
 @compiled
 def _apply(
-    tree: Tree, poses: NodePoses, palm: int, first_joint: int, node: int, x: Matrix, f: Matrix, base: float, joints: float,
-    wrench: Matrix, torque: Matrix,
+    tree: Tree, poses: NodePoses, palm: int, first_joint: int, node: int, x: Matrix, f: Matrix,
+    base: float, joints: float, wrench: Matrix, torque: Matrix,
 ) -> None:  # fmt: skip
     """Add G^T f of a force f (N) at x (m) on a node to the palm's wrench and to the joints between node and palm."""
     if base > 0.0:
@@ -163,7 +171,8 @@ def _apply(
 
 @compiled
 def _collect(
-    rules: Rules, world: World, gains: Gains, poses: NodePoses, parts: Parts, hand: int, group: int, body: int, work: Work,
+    rules: Rules, world: World, gains: Gains, poses: NodePoses, parts: Parts,
+    hand: int, group: int, body: int, work: Work,
 ) -> tuple[int, float]:  # fmt: skip
     """Measure the pairs of one (group, body) that can matter; return their number and the smallest exact distance."""
     window = rules.epsilon * (SOFT_WINDOW if rules.smooth else 1.0)
@@ -176,7 +185,7 @@ def _collect(
         node = parts.palm[hand] + part
         for box in range(world.first[body], world.last[body]):
             cutoff = min(limit, nearest + window) if rules.grouped else reach
-            if not world.seen[hand, box] or _too_far(world, box, poses.p_box[node], world.radius[node], cutoff):
+            if not world.seen[hand, box] or _too_far(world, box, poses.p_box[node], node, cutoff):
                 continue
             exact = _measure(rules, world, poses, node, box, cutoff, count, work)
             if exact <= cutoff:
@@ -188,8 +197,8 @@ def _collect(
 
 @compiled
 def _one_body(
-    rules: Rules, world: World, gains: Gains, tree: Tree, poses: NodePoses, parts: Parts, hand: int, group: int, body: int,
-    count: int, work: Work, results: Results,
+    rules: Rules, world: World, gains: Gains, tree: Tree, poses: NodePoses, parts: Parts,
+    hand: int, group: int, body: int, count: int, work: Work, results: Results,
 ) -> None:  # fmt: skip
     """Turn the measured pairs of one (group, body) into forces: sum_j G_j^T f_j w_j."""
     reach = gains.reach[hand, group, body]
@@ -217,7 +226,8 @@ def _one_body(
         member = parts.member[work.part[j]]
         _apply(
             tree, poses, palm, parts.first_joint[hand], palm + work.part[j], work.point[j], f,
-            gains.base[hand, member, body], gains.joints[hand, member, body], results.wrench[hand], results.torque[hand],
+            gains.base[hand, member, body], gains.joints[hand, member, body],
+            results.wrench[hand], results.torque[hand],
         )  # fmt: skip
 
 

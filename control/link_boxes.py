@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from preshape.hal import panda_arm, sah_hand
 from preshape.hal.description import ARM_BASE, hand_joint_origin, joint_axis, palm_mount, part_box
 from preshape.hal.layout import LAYOUT, SIDES, Side, arm_joint_names
-from preshape.hal.transform import Matrix, rpy_matrix, transform
+from preshape.hal.transform import Matrix, hat, rpy_matrix, transform
 from preshape.planner.compiled import compiled
 
 PARTS: tuple[str, ...] = tuple(sah_hand.PARTS)
@@ -63,10 +63,10 @@ def hand_nodes(side: Side) -> slice:
 
 def _along(direction: Matrix) -> Matrix:
     """Return a rotation whose z axis points along a direction."""
-    z = direction / np.linalg.norm(direction)
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    z = direction / float(np.linalg.norm(direction))
+    across = hat(np.eye(3)[int(np.argmin(np.abs(z)))]) @ z
+    x = across / float(np.linalg.norm(across))
+    return np.column_stack([x, hat(z) @ x, z])
 
 
 def _side_rows(side: Side, X_world_base: Matrix) -> list[tuple[int, int, float, Matrix]]:

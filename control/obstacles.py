@@ -92,7 +92,7 @@ class Obstacles:
             raise ValueError(f"body {name!r} exists already")
         first, last = self._used, self._used + len(boxes)
         if last > MAX_BOXES or self.bodies == MAX_BODIES:
-            raise ValueError(f"body {name!r}: {last} boxes, {self.bodies + 1} bodies; allowed are {MAX_BOXES}, {MAX_BODIES}")
+            raise ValueError(f"body {name!r}: box {last}, body {self.bodies + 1}; room is {MAX_BOXES}, {MAX_BODIES}")
         body = self.bodies
         self.names.append(name)
         self.kinds.append(kind)

@@ -71,7 +71,8 @@ def l1_by_lp(y: Matrix, G: Matrix) -> float:
     A = np.vstack([np.hstack([G, -np.eye(3)]), np.hstack([-G, -np.eye(3)])])
     options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     bounds = [(-1, 1)] * 6 + [(0, None)] * 3
-    solved = linprog(np.r_[np.zeros(6), 1, 1, 1], A_ub=A, b_ub=np.r_[-y, y], bounds=bounds, method="highs", options=options)
+    cost = np.r_[np.zeros(6), np.ones(3)]
+    solved = linprog(cost, A_ub=A, b_ub=np.r_[-y, y], bounds=bounds, method="highs", options=options)
     return float(solved.fun)
 
 

@@ -58,7 +58,8 @@ def test_boxes_bound_the_shapes_tightly(model) -> None:
         if name in capsule_links():
             size = np.array([size[0], size[0], size[1]])
         # The same box with its axes in another order: every half edge reaches exactly as far.
-        np.testing.assert_allclose(np.abs(poses.R_box[node].T @ R @ np.diag(size)).sum(axis=1), links.half[node], atol=1e-9)
+        reach = np.abs(poses.R_box[node].T @ R @ np.diag(size)).sum(axis=1)
+        np.testing.assert_allclose(reach, links.half[node], atol=1e-9)
 
 
 def test_palm_is_the_hand_base_frame(model) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Callable
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from preshape.control.distances import NORMS, Boxes, PairDistances, pair_distances
 from preshape.hal.transform import Matrix
+
+mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
 PAIRS = 756
 """36 link boxes against 21 obstacle boxes."""
@@ -36,10 +38,10 @@ def _median_s(run: Callable[[], object], repeats: int) -> float:
 def _lp_s(links: Boxes, obstacles: Boxes, samples: int) -> float | None:
     """Return seconds per pair of scipy's LP (HiGHS), or None where scipy is not installed (a development tool)."""
     try:
-        from scipy.optimize import linprog
+        linprog: Callable[..., Any] = importlib.import_module("scipy.optimize").linprog
     except ImportError:
         return None
-    rows = []
+    rows: list[tuple[Matrix, Matrix]] = []
     for i in range(samples):
         Q = obstacles.R[i]
         G = np.hstack([Q.T @ links.R[i] * links.h[i], np.diag(obstacles.h[i])])

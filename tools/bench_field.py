@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 
+from preshape.control.distances import NORMS
 from preshape.control.field import FIELD_MODES, Field, FieldOptions
 from preshape.control.groups import TIES
-from preshape.control.distances import NORMS
 from preshape.control.link_boxes import NODE_COUNT, LinkBoxes
 from preshape.control.obstacles import Kind, Obstacles
 from preshape.hal.layout import LAYOUT
@@ -22,7 +22,8 @@ _BOX_SIZE = np.array([0.06, 0.09, 0.20])
 
 def _walls() -> list[OrientedBox]:
     """Return the six walls of the tea box, 2 mm thick."""
-    half, walls = _BOX_SIZE / 2, []
+    half = _BOX_SIZE / 2
+    walls: list[OrientedBox] = []
     for face in FACES:
         normal = face_normal(face)
         thick = np.abs(normal)
