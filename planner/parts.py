@@ -114,7 +114,8 @@ def _hull_edges(points: Matrix, hull: Hull) -> Matrix:
 
 def _volume(points: Matrix, R: Matrix) -> float:
     turned = points @ R
-    return float(np.prod(turned.max(axis=0) - turned.min(axis=0)))
+    extent: Matrix = turned.max(axis=0) - turned.min(axis=0)
+    return float(extent[0] * extent[1] * extent[2])
 
 
 def _best_turn(points: Matrix, normal: Matrix, edges: Matrix) -> tuple[float, Matrix]:

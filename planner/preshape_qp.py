@@ -196,15 +196,19 @@ def paper_step(problem: PreshapeProblem) -> Matrix | None:
     return answer[0] if answer[2] == 1 else None
 
 
-def nominal_step(problem: PreshapeProblem) -> Matrix:
-    """Return the first step d (19,) of this solver from x_n, unbounded in length: `paper_step` with a slack of RHO."""
+def nominal_step(problem: PreshapeProblem, multiplier_steps: int = 20) -> Matrix:
+    """Return the first step d (19,) of this solver from x_n, unbounded in length.
+
+    With one multiplier step it has a slack of RHO; more of them take the slack away, and it is eq. (5).
+    """
     A, b = linearised(problem)
     W, (lower, upper) = problem.weights.vector(), problem.bounds()
-    zero, s = np.zeros(STATE_DOF), np.zeros(STATE_DOF)
-    length, none = HAND_LENGTH, np.zeros((STATE_DOF, STATE_DOF))
-    solved = quadratic_step(zero, -b / length, A / length / W, np.zeros(len(b)), none, W * lower, W * upper, np.inf, s)
-    if not solved:
-        raise ArithmeticError("a convex program was found not to be convex: non-finite input?")
+    A, c, s = A / HAND_LENGTH / W, -b / HAND_LENGTH, np.zeros(STATE_DOF)
+    y, zero, none = np.zeros(len(b)), np.zeros(STATE_DOF), np.zeros((STATE_DOF, STATE_DOF))
+    for _ in range(multiplier_steps):
+        if not quadratic_step(zero, c, A, y, none, W * lower, W * upper, np.inf, s):
+            raise ArithmeticError("a convex program was found not to be convex: non-finite input?")
+        y = y + (A @ s + c) / RHO
     return s / W
 
 
