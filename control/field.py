@@ -6,7 +6,6 @@ all groups, the joints only that of their own group; `FieldGains` says which of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -196,16 +195,3 @@ def carried_twist(twist: ArrayLike, p_from: ArrayLike, p_to: ArrayLike) -> Matri
     t = np.asarray(twist, dtype=np.float64)
     r = np.asarray(p_to, dtype=np.float64) - np.asarray(p_from, dtype=np.float64)
     return np.concatenate([t[:3] + np.cross(t[3:], r), t[3:]])
-
-
-def goal_reach(field: Field, side: Side, group: Group, bodies: Sequence[str], clearance: float) -> None:
-    """Shorten a group's range against some bodies to the clearance (m) it keeps at its goal.
-
-    The goal then lies where those bodies do not repel, so that the field's zero is the goal itself.
-    `ValueError` for a negative clearance; 0 leaves the pair unmeasured.
-    """
-    if clearance < 0.0:
-        raise ValueError(f"clearance: got {clearance} m, allowed is >= 0")
-    reach = min(clearance, field.parameters.range_m)
-    for name in bodies:
-        field.gains.reach[SIDES.index(side), GROUPS.index(group), field.obstacles.index(name)] = reach

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from preshape.control.distances import NORMS
-from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist, goal_reach
+from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
+from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
 from preshape.control.groups import GROUPS, TIES, group_parts
 from preshape.control.link_boxes import LinkBoxes, hand_nodes
 from preshape.control.obstacles import Kind, Obstacles
@@ -266,15 +267,35 @@ def test_carried_twist_is_that_of_a_rigid_body() -> None:
     np.testing.assert_allclose(carried_twist(twist, p, r)[:3], (there - r) / dt, atol=1e-5)
 
 
-def test_a_shortened_range_frees_the_goal() -> None:
-    q = np.zeros(LAYOUT.dof)
-    q[LAYOUT.arm("right")] = HOME
+def test_the_field_vanishes_at_the_goal_however_near_to_the_box_and_acts_before() -> None:
+    q = posture(np.random.default_rng(8))
     half = np.array([0.02, 0.03, 0.03])
     field = build(q, facing_palm(q, 0.015, np.zeros(3), half), half, FieldOptions())
+    goal = HandGoal(field.links.palm("right"), q[LAYOUT.hand("right")])
+    clearance = goal_clearance(field, "right", goal)
+    np.testing.assert_allclose(clearance[0, 4], 0.015, atol=1e-9)
+    assert goal_error(goal, field.links.palm("right"), goal.joints) < 1e-9
     before = np.linalg.norm(field.evaluate().force[RIGHT, 0, 4])
-    goal_reach(field, "right", "palm", ["box"], 0.015)
-    after = np.linalg.norm(field.evaluate().force[RIGHT, 0, 4])
-    assert before > 0.1 and after == 0.0
+    shorten_ranges(field, "right", clearance, 0.0)
+    results = field.evaluate()
+    assert before > 0.1 and not results.wrench[RIGHT].any() and not results.torque[RIGHT].any()
+    shorten_ranges(field, "right", clearance, 0.1)
+    assert np.linalg.norm(field.evaluate().force[RIGHT, 0, 4]) == pytest.approx(before)
+
+
+def test_goal_clearance_is_what_the_field_measures_when_the_hand_is_there() -> None:
+    rng = np.random.default_rng(13)
+    for norm in NORMS:
+        for _ in range(10):
+            q = posture(rng)
+            box, half = near_box(q, rng)
+            field = build(q, box, half, FieldOptions(norm=norm))
+            goal = HandGoal(field.links.palm("right"), q[LAYOUT.hand("right")])
+            measured = field.evaluate().distance[RIGHT, :, 4]
+            near = np.isfinite(measured)
+            clearance = goal_clearance(field, "right", goal)[:, 4]
+            np.testing.assert_allclose(clearance[near], np.maximum(measured[near], 0.0), atol=1e-9)
+            assert np.all(clearance[~near] > field.parameters.range_m)
 
 
 @pytest.mark.parametrize(
