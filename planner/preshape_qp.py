@@ -203,12 +203,12 @@ def nominal_step(problem: PreshapeProblem, multiplier_steps: int = 20) -> Matrix
     """
     A, b = linearised(problem)
     W, (lower, upper) = problem.weights.vector(), problem.bounds()
-    A, c, s = A / HAND_LENGTH / W, -b / HAND_LENGTH, np.zeros(STATE_DOF)
+    scaled, c, s = A / HAND_LENGTH / W, -b / HAND_LENGTH, np.zeros(STATE_DOF)
     y, zero, none = np.zeros(len(b)), np.zeros(STATE_DOF), np.zeros((STATE_DOF, STATE_DOF))
     for _ in range(multiplier_steps):
-        if not quadratic_step(zero, c, A, y, none, W * lower, W * upper, np.inf, s):
+        if not quadratic_step(zero, c, scaled, y, none, W * lower, W * upper, np.inf, s):
             raise ArithmeticError("a convex program was found not to be convex: non-finite input?")
-        y = y + (A @ s + c) / RHO
+        y = y + (scaled @ s + c) / RHO
     return s / W
 
 
