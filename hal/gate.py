@@ -16,6 +16,9 @@ from preshape.hal.state_monitor import StateMonitor, all_finite, first_not_finit
 EPSILON = 1e-9
 """Differences whose norm is below this (rad, N m) are rounding, not violations."""
 
+COUNTED = ("position", "velocity", "acceleration", "torque", "stale", "braked")
+"""What `SafetyGate.counts` counts: ticks clipped by each limit, ticks with samples to warn of, ticks braked."""
+
 LIMITS = MotionLimits(LAYOUT.lower, LAYOUT.upper, LAYOUT.velocity, LAYOUT.acceleration)
 
 
@@ -43,7 +46,7 @@ class SafetyGate:
         self._armed = self._braking = self._tightened = False
         self._reason = ""
         self._last_ns = 0
-        self._counts = dict.fromkeys(("position", "velocity", "acceleration", "torque", "stale", "braked"), 0)
+        self._counts: dict[str, int] = {name: 0 for name in COUNTED}
         self.counts: Mapping[str, int] = MappingProxyType(self._counts)
 
     @property
@@ -176,7 +179,8 @@ class SafetyGate:
         for name, unit, got, allowed in checks:
             joint = int(np.argmax(got - allowed))
             if got[joint] > allowed[joint]:
-                return f"requested {name} of {LAYOUT.names[joint]} is {got[joint]:.3f} {unit}, stops above {allowed[joint]:.3f}"
+                bound = f"stops above {allowed[joint]:.3f} {unit}"
+                return f"requested {name} of {LAYOUT.names[joint]} is {got[joint]:.3f}, {bound}"
         return ""
 
     def _count_clips(self, position: Vector, weakened: bool) -> None:

@@ -79,7 +79,7 @@ def least_clearance(tables: _Tables, q: Matrix, enough: float, stop_below: float
     middle = np.empty(3)
     for n in range(tables.pairs.shape[0]):
         i, j = tables.pairs[n, 0], tables.pairs[n, 1]
-        radii = tables.radius[i] + tables.radius[j]
+        radii = float(tables.radius[i] + tables.radius[j])
         length = 0.0
         for k in range(3):
             middle[k] = 0.5 * (start[j, k] + end[j, k])
@@ -98,7 +98,7 @@ def least_clearance(tables: _Tables, q: Matrix, enough: float, stop_below: float
         corner = np.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2)
         if _beyond(start[i], end[i], middle, best + tables.radius[i] + corner):
             continue
-        distance = segment_box_distance(start[i], end[i], X, half) - tables.radius[i]
+        distance = segment_box_distance(start[i], end[i], X, half) - float(tables.radius[i])
         if distance < best:
             best, first, second = distance, i, -1 - k
             if best < stop_below:

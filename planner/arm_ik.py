@@ -57,6 +57,13 @@ def _wrap(angle: float, lower: float) -> float:
 
 
 @compiled
+def _cross(a: Matrix, b: Matrix) -> Matrix:
+    out = np.empty(3)
+    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return out
+
+
+@compiled
 def _shoulder(R3: Matrix, sign: float, q: Matrix) -> bool:
     """Write q1, q2, q3 of R3 = Rz(q1) Ry(q2) Rz(q3) with the given sign of q2; False where q2 = 0 leaves q1 open."""
     sine = np.hypot(R3[0, 2], R3[1, 2])
@@ -75,9 +82,9 @@ def _elbow_frame(
     """Write q[3:6] and R3 for one elbow and one wrist branch (steps 3 and 4 of the module's notes)."""
     y4 = np.sin(q6) * R6[:, 0] + np.cos(q6) * R6[:, 1]
     x4 = (SW - along * y4) / across
-    z4 = np.cross(x4, y4)
+    z4 = _cross(x4, y4)
     # Frame 5: z5 = y4; y5 = -z6 and x5 = y5 x z5. At q5 = 0 it is x4, -z4, y4.
-    x5 = np.cross(-R6[:, 2], y4)
+    x5 = _cross(y4, R6[:, 2])
     q[4] = np.arctan2(-np.dot(x5, z4), np.dot(x5, x4))
     q[3], q[5] = q4, q6
     # R4 = R3 Rx(90) Rz(q4): undo both.
@@ -176,6 +183,6 @@ def solve_palm(side: Side, X_world_base: Matrix, X_world_palm: Matrix, grid: IkG
     """Return all solutions (n, 7), rad, for the sampled q7 within the limits less the margin; n may be 0."""
     grid = grid or IkGrid()
     lower, upper = joint_range(grid.margin)
-    q7s = np.linspace(lower[6], upper[6], grid.q7_samples)
+    q7s: Matrix = np.linspace(float(lower[6]), float(upper[6]), grid.q7_samples)
     out = np.empty((BRANCHES * grid.q7_samples, ARM_DOF))
     return out[: solve_sweep(link7_pose(side, X_world_base, X_world_palm), q7s, lower, upper, out)].copy()

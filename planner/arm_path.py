@@ -131,7 +131,7 @@ def _one_via(
     margin: float,
     query: PathQuery,
     rng: np.random.Generator,
-    moving: Matrix,
+    moving: NDArray[np.int64],
 ) -> Matrix | None:
     """Return a path over one via-point near the middle of the straight one, or None."""
     low, high = arm_limits(query.limit_margin_rad)

@@ -1,0 +1,191 @@
+"""Commands of bounded velocity, acceleration and jerk for all 40 joints (ruckig), one period at a time.
+
+Every joint is on its own clock (`Synchronization.No`): a finger that closes does not wait for an arm.
+Each period starts from the last command, never from a measurement, so commands are continuous.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import ruckig as untyped_ruckig
+from numpy.typing import ArrayLike
+
+from preshape.hal.layout import LAYOUT
+from preshape.hal.state import Vector
+
+ruckig: Any = untyped_ruckig  # its extension module has no types
+
+ROUNDING = 1e-9
+"""A position this little (rad) outside its limits is put back without a stop."""
+
+
+class SmoothStatus(IntEnum):
+    """What a period was used for: towards the target, braking after a bad target, or nothing could be computed."""
+
+    MOVING = 0
+    REACHED = 1
+    BAD_TARGET = 2
+    FAILED = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothConfig:
+    """Shares of the joints' own limits that commands may use, and the period, s.
+
+    The safety gate cuts at the full limits: what stays below never meets it.
+    """
+
+    period_s: float = 0.002
+    velocity_ratio: float = 0.95
+    acceleration_ratio: float = 0.95
+    jerk_ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.period_s <= 0.1:
+            raise ValueError(f"period_s: got {self.period_s}, allowed is 0 .. 0.1")
+        for name in ("velocity_ratio", "acceleration_ratio", "jerk_ratio"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise ValueError(f"{name}: got {getattr(self, name)}, allowed is 0 .. 1")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmoothStep:
+    """The command after one period: position rad, velocity rad/s, acceleration rad/s2, each (40,)."""
+
+    status: SmoothStatus
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
+
+
+def stopping_speed(distance: Vector, acceleration: Vector, jerk: Vector) -> Vector:
+    """Return the largest speed from which a joint, at rest in acceleration, stops within a distance (>= 0).
+
+    Stopping takes v^2/(2A) + v A/(2J) when v >= A^2/J and v^(3/2)/sqrt(J) below; the first is never less
+    than the second, so v = -A^2/(2J) + sqrt((A^2/(2J))^2 + 2 A d) is safe for both.
+    """
+    ramp = acceleration**2 / (2.0 * jerk)
+    return np.sqrt(ramp**2 + 2.0 * acceleration * distance) - ramp
+
+
+class Smoother:
+    """Ruckig with what it does not check itself: lengths, finite values, position limits, current velocity."""
+
+    def __init__(self, config: SmoothConfig | None = None) -> None:
+        self.config = config or SmoothConfig()
+        self.velocity_limit = LAYOUT.velocity * self.config.velocity_ratio
+        self.acceleration_limit = LAYOUT.acceleration * self.config.acceleration_ratio
+        self.jerk_limit = LAYOUT.jerk * self.config.jerk_ratio
+        self._ruckig = ruckig.Ruckig(LAYOUT.dof, self.config.period_s)
+        self._input: Any = ruckig.InputParameter(LAYOUT.dof)
+        self._output: Any = ruckig.OutputParameter(LAYOUT.dof)
+        self._input.synchronization = ruckig.Synchronization.No
+        self._input.max_velocity = self.velocity_limit.tolist()
+        self._input.max_acceleration = self.acceleration_limit.tolist()
+        self._input.max_jerk = self.jerk_limit.tolist()
+        self._zeros = [0.0] * LAYOUT.dof
+        self.clamped = 0
+        self.seed(0.5 * (LAYOUT.lower + LAYOUT.upper))
+
+    def seed(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
+        """Continue from a command: position (40,), rad, and velocity (40,), rad/s, at rest by default.
+
+        Velocities above the limit are cut to it; acceleration starts at zero. `ValueError` for another
+        shape or values that are not finite.
+        """
+        position = _checked(position, "position")
+        speed = np.zeros(LAYOUT.dof) if velocity is None else _checked(velocity, "velocity")
+        self.position = position
+        self.velocity = np.clip(speed, -self.velocity_limit, self.velocity_limit)
+        self.acceleration = np.zeros(LAYOUT.dof)
+
+    def update(self, target_position: ArrayLike, target_velocity: ArrayLike | None = None) -> SmoothStep:
+        """Return the command one period on, towards a target position (40,), rad, met at a target velocity.
+
+        Targets outside the position limits are moved to them, target velocities cut so that the joint can
+        stop, or take its run-up, within its limits. A target that is not finite brakes: BAD_TARGET.
+
+        Raises:
+            ValueError: a target has another shape.
+        """
+        target = _shaped(target_position, "target_position")
+        speed = np.zeros(LAYOUT.dof) if target_velocity is None else _shaped(target_velocity, "target_velocity")
+        if not (np.isfinite(target).all() and np.isfinite(speed).all()):
+            return self._brake(SmoothStatus.BAD_TARGET)
+        target = np.minimum(np.maximum(target, LAYOUT.lower), LAYOUT.upper)
+        self._input.control_interface = ruckig.ControlInterface.Position
+        self._input.target_position = target.tolist()
+        self._input.target_velocity = (
+            self._zeros if target_velocity is None else self._stoppable(target, speed).tolist()
+        )
+        result = self._advance()
+        return self._brake(SmoothStatus.FAILED) if result is None else self._step(result)
+
+    def brake(self) -> SmoothStep:
+        """Return the command one period on when every joint comes to rest in the least time; REACHED at rest."""
+        return self._brake(None)
+
+    def _stoppable(self, target: Vector, speed: Vector) -> Vector:
+        # An inward speed at a limit needs a run-up beyond it, so both directions get the same bound.
+        room = np.minimum(LAYOUT.upper - target, target - LAYOUT.lower)
+        top = np.minimum(stopping_speed(room, self.acceleration_limit, self.jerk_limit), self.velocity_limit)
+        return np.minimum(np.maximum(speed, -top), top)
+
+    def _brake(self, status: SmoothStatus | None) -> SmoothStep:
+        self._input.control_interface = ruckig.ControlInterface.Velocity
+        self._input.target_velocity = self._zeros
+        result = self._advance()
+        if result is None:
+            # Not even braking can be computed: stand still and leave the deceleration to the gate.
+            self.velocity, self.acceleration = np.zeros(LAYOUT.dof), np.zeros(LAYOUT.dof)
+            return self._step(SmoothStatus.FAILED)
+        return self._step(result if status is None else status)
+
+    def _advance(self) -> SmoothStatus | None:
+        """Move the command on by one period; None if ruckig refuses."""
+        self._input.current_position = self.position.tolist()
+        self._input.current_velocity = self.velocity.tolist()
+        self._input.current_acceleration = self.acceleration.tolist()
+        try:
+            result = self._ruckig.update(self._input, self._output)
+        except (ruckig.RuckigError, ValueError):
+            return None
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            return None
+        self._take(
+            np.array(self._output.new_position),
+            np.array(self._output.new_velocity),
+            np.array(self._output.new_acceleration),
+        )
+        return SmoothStatus.REACHED if result is ruckig.Result.Finished else SmoothStatus.MOVING
+
+    def _take(self, position: Vector, velocity: Vector, acceleration: Vector) -> None:
+        """Store the command; joints carried farther outside their limits than they were stop where they were."""
+        low, high = np.minimum(LAYOUT.lower, self.position), np.maximum(LAYOUT.upper, self.position)
+        held = np.minimum(np.maximum(position, low), high)
+        outside = np.abs(held - position) > ROUNDING
+        if outside.any():
+            self.clamped += int(outside.sum())
+            velocity, acceleration = np.where(outside, 0.0, velocity), np.where(outside, 0.0, acceleration)
+        self.position, self.velocity, self.acceleration = held, velocity, acceleration
+
+    def _step(self, status: SmoothStatus) -> SmoothStep:
+        return SmoothStep(status, self.position, self.velocity, self.acceleration)
+
+
+def _shaped(values: ArrayLike, name: str) -> Vector:
+    array = np.asarray(values, dtype=float)
+    if array.shape != (LAYOUT.dof,):
+        raise ValueError(f"{name}: got shape {array.shape}, allowed is ({LAYOUT.dof},)")
+    return array
+
+
+def _checked(values: ArrayLike, name: str) -> Vector:
+    array = _shaped(values, name).copy()
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: {LAYOUT.names[int(np.argmin(np.isfinite(array)))]} is not finite")
+    return array
