@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from preshape.tools import series
 from preshape.tools.rerun_recording import RerunRecording
 
 TICKS = 60
+Chunk = tuple[list[float], dict[str, list[Any]]]
 
 
 def surroundings() -> tuple[Workcell, NominalBox]:
@@ -53,11 +55,11 @@ def recorded(path: Path) -> tr.TickRecord:
     return np.array(kept)
 
 
-def columns_of(path: Path) -> dict[str, list[tuple[list[float], dict[str, list[object]]]]]:
+def columns_of(path: Path) -> dict[str, list[Chunk]]:
     """Return, for each entity, its chunks as (seconds, component -> rows)."""
     from rerun.chunk import RrdReader
 
-    entities: dict[str, list[tuple[list[float], dict[str, list[object]]]]] = {}
+    entities: dict[str, list[Chunk]] = {}
     for chunk in RrdReader(str(path)).stream():
         batch = chunk.to_record_batch()
         rows = {name: batch.column(name).to_pylist() for name in batch.schema.names}
@@ -66,7 +68,7 @@ def columns_of(path: Path) -> dict[str, list[tuple[list[float], dict[str, list[o
     return entities
 
 
-def timed(entities: dict[str, list[tuple[list[float], dict[str, list[object]]]]], path: str, component: str):
+def timed(entities: dict[str, list[Chunk]], path: str, component: str) -> tuple[np.ndarray, list[Any]]:
     """Return the times and rows of one component of one entity."""
     chunks = [(seconds, rows[component]) for seconds, rows in entities[path] if seconds and component in rows]
     times = np.concatenate([seconds for seconds, _ in chunks])

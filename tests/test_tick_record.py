@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from preshape.control import groups
 from preshape.control.observer import Observers
 from preshape.hal import tick_record as tr
 from preshape.hal.layout import LAYOUT
@@ -48,6 +49,10 @@ def test_tick_without_command_or_pose_keeps_nothing_of_the_tick_before() -> None
     assert np.all(np.isnan(record["target"]))
     assert np.all(np.isnan(record["X_world_object"]))
     assert tr.text_of(record, "phase") == ""
+
+
+def test_groups_are_the_controllers() -> None:
+    assert tr.GROUPS == groups.GROUPS
 
 
 def test_record_survives_its_bytes() -> None:
