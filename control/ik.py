@@ -113,6 +113,8 @@ class ArmIk:
         self._nominal = 0.5 * (self.lower + self.upper)
         self._frames = np.empty((FRAME_COUNT, 4, 4))
         self._build_solver()
+        # The first call loads compiled code, which must not happen inside a tick.
+        self.solve(self._nominal, np.eye(4), np.eye(4), 1e-3)
 
     def _build_solver(self) -> None:
         config = self.config

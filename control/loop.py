@@ -72,18 +72,16 @@ class ControlLoop:
         """
         if self.mode is not LoopMode.DISARMED:
             raise RuntimeError("this loop has run: make a new one")
-        now_ns = self._clock.now_ns()
-        self._arm(now_ns)
         try:
             with quiet_collector():
+                # Collecting takes tens of milliseconds: time begins after it.
+                now_ns = self._clock.now_ns()
+                self._arm(now_ns)
                 now_ns = self._spin(controller, now_ns)
         except BaseException as error:
             self._device.stop(f"the loop ended with {type(error).__name__}: {error}", self._clock.now_ns())
             raise
-        if self.mode is not LoopMode.STOPPED:
-            self._enter(LoopEvent.STOP, now_ns)
-        self._gate.stop(self._reason)
-        self._device.stop(self._reason, now_ns)
+        self._settle(now_ns)
         return LoopResult(
             self._outcome, self._reason, self._ticks, self._written, self._refused, self._hash.hexdigest(),
             self.timing.report(),
@@ -95,6 +93,13 @@ class ControlLoop:
             self._device.arm(now_ns)
         except RuntimeError as error:
             self._end(LoopEvent.FAULT, LoopOutcome.SAFETY_STOP, f"not armed: {error}", now_ns)
+
+    def _settle(self, now_ns: int) -> None:
+        """Leave everything stopped, whatever the run ended with."""
+        if self.mode is not LoopMode.STOPPED:
+            self._enter(LoopEvent.STOP, now_ns)
+        self._gate.stop(self._reason)
+        self._device.stop(self._reason, now_ns)
 
     def _spin(self, controller: Controller, now_ns: int) -> int:
         deadline_ns = now_ns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -73,7 +73,7 @@ def _percentiles(values_ns: NDArray[np.int64], worst_ns: int) -> Percentiles:
 
 
 @contextmanager
-def quiet_collector() -> Iterator[None]:
+def quiet_collector() -> Generator[None]:
     """Keep the garbage collector out of the loop: collect once, freeze what there is, restore afterwards."""
     enabled = gc.isenabled()
     gc.collect()
