@@ -6,11 +6,10 @@ fingers are asked for joint angles with the torque they may use. Everything goes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
+from preshape.control.controller import Setpoint
 from preshape.control.ik import ArmIk
 from preshape.control.link_boxes import LinkBoxes
 from preshape.control.smoothing import SmoothConfig, Smoother
@@ -21,14 +20,6 @@ from preshape.hal.world import Workcell
 from preshape.planner.arm_kinematics import palm_pose
 
 _ARMS = np.concatenate([np.arange(LAYOUT.dof)[LAYOUT.arm(side)] for side in SIDES])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Setpoint:
-    """What the loop shall command: positions (40), rad, each with the torque (N m) it may use at most."""
-
-    position: Vector
-    torque_limit: Vector
 
 
 class Body:
@@ -45,21 +36,22 @@ class Body:
         self._limit = LAYOUT.torque.copy()
         self._palm_goal: dict[Side, Matrix | None] = {side: None for side in SIDES}
         self._posture = np.zeros(len(_ARMS))
+        self._started = False
         self.now_ns = 0
         self.age_ns: Vector = np.zeros(LAYOUT.dof)
         self.position: Vector = np.zeros(LAYOUT.dof)
         self.velocity: Vector = np.zeros(LAYOUT.dof)
         self.torque: Vector = np.zeros(LAYOUT.dof)
 
-    def start(self, state: RobotState) -> None:
-        """Ask every joint to stay where it is measured."""
-        self._goal[:] = np.clip(state.position, LAYOUT.lower, LAYOUT.upper)
-        self._last_goal[:] = self._goal
-        self._limit[:] = LAYOUT.torque
-        self._palm_goal = {side: None for side in SIDES}
-        self._smoother.seed(self._goal)
-        self._posture = self._goal[_ARMS].copy()
-        self._ik.set_nominal(self._posture)
+    def follow(self, position: Vector, velocity: Vector) -> None:
+        """Continue from this command; the first one also becomes what every joint is asked for."""
+        self._smoother.seed(position, velocity)
+        if not self._started:
+            self._started = True
+            self._goal[:] = np.clip(position, LAYOUT.lower, LAYOUT.upper)
+            self._last_goal[:] = self._goal
+            self._posture = self._goal[_ARMS].copy()
+            self._ik.set_nominal(self._posture)
 
     def update(self, now_ns: int, state: RobotState) -> None:
         """Take this tick's sample."""

@@ -1,0 +1,30 @@
+# `make run`, `make test` and `make check` build .venv/ when it is missing or out of date.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test fast check lint clean
+
+run: .venv/ready
+	$(BIN)/preshape run --scenario sim_backend/scenarios/tea_box.toml --seed 0
+
+test: .venv/ready
+	$(BIN)/pytest -q
+
+fast: .venv/ready
+	$(BIN)/pytest -q -m "not slow and not physics and not bus"
+
+lint: .venv/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+check: lint fast
+
+.venv/ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+clean:
+	rm -rf .venv build src/*.egg-info

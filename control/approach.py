@@ -1,0 +1,158 @@
+"""The paper's approach: the grouped field brings a hand to a goal fixed to the box, which may move meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from preshape.control.body import Body
+from preshape.control.contact_policy import Phase, Settling, apply_policy
+from preshape.control.failure import TaskFailed
+from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
+from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
+from preshape.control.motions import Motion, ticks
+from preshape.control.obstacles import Kind, Obstacles
+from preshape.control.potentials import pose_error
+from preshape.control.sight import Sight
+from preshape.hal.layout import LAYOUT, SIDES, Side
+from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix, exp_so3, transform
+from preshape.hal.world import NominalBox, OrientedBox
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApproachLimits:
+    """Speeds and tolerances of an approach (SI)."""
+
+    speed: float = 0.10
+    turn_speed: float = 0.6
+    joint_speed: float = 1.2
+    preshape_within_m: float = 0.10
+    settle_inner_m: float = 0.004
+    settle_outer_m: float = 0.020
+    position_m: float = 0.0015
+    turn_rad: float = 0.015
+    joints_rad: float = 0.05
+    time_s: float = 12.0
+    stall_s: float = 2.5
+    stall_m: float = 0.003
+    near_m: float = 0.012
+    near_rad: float = 0.10
+
+
+class FieldGuide:
+    """The field of both hands over everything known, kept up to date tick by tick."""
+
+    def __init__(self, body: Body, sight: Sight, box: NominalBox, options: FieldOptions) -> None:
+        """Register the box, the workcell's static bodies and room for obstacles that appear."""
+        self._body, self._sight = body, sight
+        self.obstacles = Obstacles(body.links)
+        self.obstacles.add("box", Kind.OBJECT, [OrientedBox("box", np.eye(4), box.size / 2)])
+        for static in body.cell.statics:
+            self.obstacles.add(static.name, Kind.ENVIRONMENT, [static])
+        self.field = Field(body.links, self.obstacles, options)
+        self._known: set[str] = set()
+        self.distances: Matrix = np.full((len(SIDES), 3), np.nan)
+
+    def refresh(self) -> bool:
+        """Place the box and all obstacles where they are seen; return whether a new obstacle has appeared."""
+        if self._sight.estimate is not None:
+            self.obstacles.move("box", self._sight.X_world_box)
+        new = False
+        for obstacle in self._sight.obstacles:
+            if obstacle.name not in self._known:
+                self._known.add(obstacle.name)
+                local = OrientedBox(obstacle.name, np.eye(4), obstacle.half)
+                self.obstacles.add(obstacle.name, Kind.ENVIRONMENT, [local])
+                new = True
+            self.obstacles.move(obstacle.name, obstacle.X_world_box)
+        return new
+
+    def read(self) -> None:
+        """Keep each group's least distance of the last evaluation for telemetry."""
+        for number, side in enumerate(SIDES):
+            self.distances[number] = [reading.distance for reading in self.field.readings(side)]
+
+
+def approach(
+    guide: FieldGuide,
+    body: Body,
+    sight: Sight,
+    side: Side,
+    X_box_palm: Matrix,
+    preshape: Vector,
+    carrier: Callable[[], Matrix | None] | None = None,
+    limits: ApproachLimits | None = None,
+    note: Callable[[str], None] = lambda phase: None,
+) -> Motion:
+    """Bring a palm to a pose fixed to the box, its fingers to a preshape, repelled by everything else.
+
+    `carrier` returns the twist (6,) at the box's centre that the holding hand is commanded, or None when the
+    box stands still: it is fed forward, so the field lives in the box's frame. `TaskFailed` names a stall
+    (no way on for `stall_s`) or the time being up.
+    """
+    limits = limits or ApproachLimits()
+    settling = Settling(limits.settle_inner_m, limits.settle_outer_m)
+    phase, clearance, goal_box = Phase.APPROACH, None, np.full((4, 4), np.inf)
+    best, best_tick, jumps = np.inf, 0, -1
+    X_asked = body.asked_palm(side).copy()
+    for tick in range(ticks(body, limits.time_s)):
+        new_obstacle = guide.refresh()
+        X_world_box = sight.X_world_box
+        goal = HandGoal(X_world_box @ X_box_palm, preshape)
+        moved = not np.allclose(X_world_box, goal_box, atol=0.004)
+        if clearance is None or new_obstacle or moved:
+            clearance, goal_box = goal_clearance(guide.field, side, goal), X_world_box
+        joints = body.position[LAYOUT.hand(side)]
+        X_palm = body.palm(side)
+        error = goal_error(goal, X_palm, joints)
+        position, turn = (float(np.linalg.norm(part)) for part in pose_error(goal.X_world_palm, X_palm))
+        if phase is Phase.APPROACH and position < limits.preshape_within_m:
+            phase = Phase.PRESHAPE
+        settled = settling.update(error) if phase is Phase.PRESHAPE else 0.0
+        apply_policy(guide.field.gains, guide.obstacles, side, phase, settled=settled)
+        shorten_ranges(guide.field, side, clearance, error)
+        guide.field.evaluate()
+        if tick % 10 == 0:
+            guide.read()
+        note(phase.value if settled < 1.0 else Phase.NEAR.value)
+        feed = None
+        twist_box = carrier() if carrier is not None else None
+        if twist_box is not None:
+            feed = carried_twist(twist_box, X_world_box[:3, 3], X_palm[:3, 3])
+        motion = guide.field.motion(side, goal, joints, feed)
+        X_asked = _advance(X_asked, X_palm, motion.twist, limits, body.period_s)
+        body.ask_palm(side, X_asked)
+        fingers = body.asked_fingers(side) + body.period_s * np.clip(
+            motion.joints, -limits.joint_speed, limits.joint_speed
+        )
+        body.ask_fingers(side, np.clip(fingers, LAYOUT.lower[LAYOUT.hand(side)], LAYOUT.upper[LAYOUT.hand(side)]))
+        finger_error = float(np.abs(goal.joints - joints).max())
+        if position < limits.position_m and turn < limits.turn_rad and finger_error < limits.joints_rad:
+            return
+        jumps_now = sight.estimate.jumps if sight.estimate is not None else 0
+        if error < best - limits.stall_m or jumps_now != jumps:
+            best, best_tick, jumps = error, tick, jumps_now
+        elif (tick - best_tick) * body.period_s > limits.stall_s:
+            if position < limits.near_m and turn < limits.near_rad:
+                return
+            raise TaskFailed(f"stalled: the {side} hand {position * 1e3:.0f} mm from its goal")
+        yield
+    raise TaskFailed(f"timed out: the {side} hand's approach took more than {limits.time_s:g} s")
+
+
+LEAD_M, LEAD_RAD = 0.03, 0.15
+"""How far the asked palm may run ahead of the measured one."""
+
+
+def _advance(X_asked: Matrix, X_measured: Matrix, twist: Matrix, limits: ApproachLimits, dt: float) -> Matrix:
+    """Return the asked palm one period on, speeds cut, and kept within a lead of the measured one."""
+    v, w = twist[:3], twist[3:]
+    v = v * min(1.0, limits.speed / max(float(np.linalg.norm(v)), 1e-12))
+    w = w * min(1.0, limits.turn_speed / max(float(np.linalg.norm(w)), 1e-12))
+    p = X_asked[:3, 3] + v * dt
+    offset = p - X_measured[:3, 3]
+    p = X_measured[:3, 3] + offset * min(1.0, LEAD_M / max(float(np.linalg.norm(offset)), 1e-12))
+    return transform(p, exp_so3(w * dt) @ X_asked[:3, :3])

@@ -1,0 +1,152 @@
+"""The controller of the box-opening procedure: five tasks as generators, one tick at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from preshape.control.approach import FieldGuide
+from preshape.control.body import Body
+from preshape.control.controller import Setpoint
+from preshape.control.failure import TaskFailed
+from preshape.control.field import FieldOptions
+from preshape.control.hand import Hand
+from preshape.control.motions import Motion
+from preshape.control.opening_motion import open_motion, push_motion
+from preshape.control.sight import Sight
+from preshape.control.task_grasp import grasp_box, shown_face
+from preshape.control.task_open import enter, play
+from preshape.control.task_regrasp import regrasp
+from preshape.control.task_show import find_opening_area
+from preshape.control.work import Work
+from preshape.hal.layout import SIDES
+from preshape.hal.state import RobotState, Vector
+from preshape.hal.tick_record import TickRecord, note_progress
+from preshape.hal.transform import Matrix
+from preshape.hal.world import FACES, Face, NominalBox, Opening, Perception, PoseSample, TextureLibrary, Workcell
+from preshape.planner.air_pose import AirPlace, upper_face
+
+TASK_NAMES = ("grasp", "find opening", "regrasp", "crush", "open")
+
+
+@dataclass(slots=True)
+class TaskLog:
+    """One task's course: when it began and ended (s of the loop's clock), how, and in how many attempts."""
+
+    task: int
+    name: str
+    outcome: str = "not started"
+    start_s: float = 0.0
+    end_s: float = 0.0
+    attempts: int = 0
+
+
+class BoxOpening:
+    """Implements `control.controller.Controller`; `report_opening` is told what task 2 has found."""
+
+    def __init__(
+        self,
+        cell: Workcell,
+        box: NominalBox,
+        library: TextureLibrary,
+        perception: Perception,
+        period_s: float,
+        options: FieldOptions | None = None,
+        report_opening: Callable[[Opening, Matrix], None] = lambda opening, X: None,
+    ) -> None:
+        """Build everything; nothing moves before `step`."""
+        body = Body(cell, period_s)
+        sight = Sight(perception, body)
+        hands = {side: Hand(side, body) for side in SIDES}
+        self.work = Work(cell, box, library, body, sight, hands)
+        self.guide = FieldGuide(body, sight, box, options or FieldOptions())
+        self.tasks = [TaskLog(number + 1, name) for number, name in enumerate(TASK_NAMES)]
+        self.failure: str | None = None
+        self._report_opening = report_opening
+        self._place = AirPlace()
+        self._procedure = self._run()
+        self._finished = False
+
+    def step(self, tick: int, now_ns: int, state: RobotState) -> Setpoint:
+        """Advance the procedure by one tick."""
+        work = self.work
+        work.body.update(now_ns, state)
+        work.sight.update(now_ns)
+        for side in SIDES:
+            work.hands[side].update()
+        if not self._finished:
+            try:
+                next(self._procedure)
+            except StopIteration:
+                self._finished = True
+        setpoint = work.body.setpoint()
+        return Setpoint(setpoint.position, setpoint.torque_limit, self._finished)
+
+    def follow(self, position: Vector, velocity: Vector) -> None:
+        """Continue from a command that is not the last setpoint."""
+        self.work.body.follow(position, velocity)
+
+    def note(self, record: TickRecord) -> None:
+        """Write what the controller is doing into the record."""
+        estimate = self.work.sight.estimate
+        sample = None if estimate is None else PoseSample(estimate.stamp_ns, estimate.X_world_box)
+        note_progress(record, self.work.task, self.work.phase, "", self.guide.distances, sample)
+
+    def _run(self) -> Motion:
+        """Run the tasks in order; a failed grasp or look is tried again while the box can be reached."""
+        try:
+            yield from self._take_and_find()
+            opening = self.work.opening
+            assert opening is not None
+            end = self._held_end()
+            yield from self._task(3, lambda: regrasp(self.work, self.guide, end))
+            push, tear = push_motion(self.work.box, opening), open_motion(self.work.box, opening)
+            yield from self._task(4, lambda: self._play(opening, push))
+            yield from self._task(5, lambda: self._play(opening, tear))
+        except TaskFailed as failed:
+            self.failure = f"task {self.work.task} ({TASK_NAMES[self.work.task - 1]}): {failed.cause}"
+            self._log().outcome = failed.cause.split(":")[0]
+            self._log().end_s = self._now_s()
+
+    def _take_and_find(self) -> Motion:
+        work = self.work
+        likely: Face | None = None
+        yield from self._task(1, lambda: grasp_box(work, self.guide, likely, self._place))
+        first = shown_face(work.grips["right"])
+        faces = (first, *(face for face in work.box.candidate_faces if face != first))
+        end = self._held_end()
+        yield from self._task(2, lambda: find_opening_area(work, faces, end, self._place))
+        if work.opening is not None and work.seen_at is not None:
+            self._report_opening(work.opening, work.seen_at)
+            if work.opening.face != first:
+                raise TaskFailed("unreachable: the opening lies on the far side of this grip")
+
+    def _held_end(self) -> Face:
+        """Return the end cap in the right palm."""
+        grip = self.work.grips["right"]
+        caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == self.work.box.long_axis)
+        X_palm_box = np.eye(4)
+        X_palm_box[:3, :3] = grip.X_box_palm[:3, :3].T
+        # The cap that looks against the palm's z axis is the one in the palm.
+        down = np.diag([1.0, -1.0, -1.0, 1.0])
+        return upper_face(down @ X_palm_box, caps)
+
+    def _play(self, opening: Opening, waypoints: tuple) -> Motion:  # noqa: ANN401
+        self.work.phase = "travel"
+        yield from enter(self.work, opening, waypoints[0])
+        yield from play(self.work, opening, waypoints)
+
+    def _task(self, number: int, make: Callable[[], Motion]) -> Motion:
+        self.work.task = number
+        log = self._log()
+        log.start_s, log.attempts, log.outcome = self._now_s(), log.attempts + 1, "running"
+        yield from make()
+        log.outcome, log.end_s = "done", self._now_s()
+
+    def _log(self) -> TaskLog:
+        return self.tasks[self.work.task - 1]
+
+    def _now_s(self) -> float:
+        return self.work.body.now_ns * 1e-9

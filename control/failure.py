@@ -1,0 +1,14 @@
+"""How a task ends when it does not end well: always with a name."""
+
+from __future__ import annotations
+
+
+class TaskFailed(Exception):
+    """A task has ended without success; `cause` is one of the named ways out.
+
+    The first word of `cause` is its class: timed out, slipped, dropped, missed, stalled, unreachable, unseen.
+    """
+
+    def __init__(self, cause: str) -> None:
+        super().__init__(cause)
+        self.cause = cause

@@ -1,0 +1,136 @@
+"""Task 1: take the box from the table with the right hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from preshape.control.approach import FieldGuide, approach
+from preshape.control.failure import TaskFailed
+from preshape.control.grips import Grip, cage_grip
+from preshape.control.motions import Motion, lead_fingers, lead_palm, together, wait, wait_for
+from preshape.control.opening_finder import Verdict, decide, find_opening
+from preshape.control.work import Work
+from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix, transform
+from preshape.hal.world import FACES, Face, face_normal, opposite
+from preshape.planner.air_pose import AirPlace, air_pose, upper_face
+
+PREGRASP_M = 0.10
+"""Height of the palm above its grasp pose at which the field takes over, m."""
+LIFT_M = 0.13
+"""How far the box is lifted straight up, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraspChoice:
+    """A grip and the right arm's postures through it: pre-grasp, grasp, lift, and showing the likely face."""
+
+    grip: Grip
+    likely_face: Face
+    pregrasp: Vector
+    grasp: Vector
+    lift: Vector
+    show: Vector
+
+
+def shown_face(grip: Grip) -> Face:
+    """Return the face on the palm's -y side: with it to the robot, the fingers lie below and the thumb above."""
+    return max(FACES, key=lambda face: float(-grip.X_box_palm[:3, 1] @ face_normal(face)))
+
+
+def glance(work: Work) -> Face | None:
+    """Look at the box where it stands; return the face that carries the opening if it can be told.
+
+    One glance cannot measure the opening (task 2 does); it only tells which face to show first.
+    """
+    matches = find_opening(work.sight.image(), work.sight.X_world_box, work.box, work.library)
+    decision = decide(matches)
+    if decision.verdict is Verdict.FOUND and decision.match is not None:
+        return decision.match.opening.face
+    seen = set(decision.faces) if decision.verdict is Verdict.NOT_HERE else set()
+    left = [face for face in work.box.candidate_faces if face not in seen]
+    return left[0] if len(left) == 1 else None
+
+
+def back_off(X_world_palm: Matrix, distance: float) -> Matrix:
+    """Return a palm pose moved back along its own z axis."""
+    return X_world_palm @ transform((0.0, 0.0, -distance))
+
+
+def choose_grip(work: Work, likely: Face | None, place: AirPlace) -> GraspChoice:
+    """Return the reachable grip with the best postures; those that show the likely face well come first."""
+    X_world_box = work.sight.X_world_box
+    caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
+    end = upper_face(X_world_box, caps)
+    beside = [f for f in FACES if f[1] != end[1] and f not in work.box.candidate_faces and opposite(f) in FACES]
+    choices: list[tuple[float, GraspChoice]] = []
+    causes: list[str] = []
+    for finger_face in beside:
+        grip = cage_grip(work.box.size, end, finger_face, "right")
+        choice = _postures(work, grip, end, place)
+        if isinstance(choice, str):
+            causes.append(f"fingers on {finger_face}: {choice}")
+            continue
+        bonus = 100.0 if likely is not None and choice.likely_face == likely else 0.0
+        travel = float(np.abs(choice.grasp - work.body.asked_arm("right")).max())
+        choices.append((bonus - travel, choice))
+    if not choices:
+        raise TaskFailed("unreachable: " + ("; ".join(causes) or "no grip suits the box"))
+    return max(choices, key=lambda item: item[0])[1]
+
+
+def _postures(work: Work, grip: Grip, end: Face, place: AirPlace) -> GraspChoice | str:
+    """Return one grip's chain of postures, each near the one before, or what is out of reach."""
+    X_grasp = work.sight.X_world_box @ grip.X_box_palm
+    face = shown_face(grip)
+    poses = {
+        "pre-grasp": back_off(X_grasp, PREGRASP_M),
+        "grasp": X_grasp,
+        "lift": transform((0.0, 0.0, LIFT_M)) @ X_grasp,
+        "show": air_pose(place, end, face) @ grip.X_box_palm,
+    }
+    near = work.body.asked_arm("right")
+    postures: list[Vector] = []
+    for name, X in poses.items():
+        q = work.posture("right", X, near=near)
+        if q is None:
+            return f"{name} pose out of reach"
+        postures.append(q)
+        near = q
+    return GraspChoice(grip, face, *postures)
+
+
+def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlace) -> Motion:
+    """Approach, close and lift; the grip is kept in `work.grips`."""
+    work.phase = "look"
+    settled = yield from wait_for(work.body, lambda: work.sight.settled, 3.0)
+    if not settled:
+        raise TaskFailed("unseen: no settled estimate of the box within 3 s")
+    yield from wait(work.body, 0.3)
+    choice = choose_grip(work, likely or glance(work), place)
+    work.grips["right"] = choice.grip
+    hand = work.hands["right"]
+    work.phase = "travel"
+    yield from together(
+        work.travel("right", choice.pregrasp), lead_fingers(work.body, "right", choice.grip.preshape)
+    )
+    work.body.prefer_posture("right", choice.grasp)
+
+    def note(phase: str) -> None:
+        work.phase = phase
+
+    yield from approach(
+        guide, work.body, work.sight, "right", choice.grip.X_box_palm_approach, choice.grip.preshape, note=note
+    )
+    work.phase = "align"
+    yield from lead_palm(work.body, "right", work.sight.X_world_box @ choice.grip.X_box_palm, speed=0.03)
+    work.phase = "close"
+    yield from hand.close(choice.grip)
+    work.sight.hold("right")
+    work.phase = "lift"
+    work.body.prefer_posture("right", choice.lift)
+    X_lift = transform((0.0, 0.0, LIFT_M)) @ work.body.asked_palm("right")
+    yield from lead_palm(work.body, "right", X_lift, speed=0.12)
+    hand.check()

@@ -1,0 +1,54 @@
+"""Task 3: the left hand takes the box by its free end, then the right hand lets go."""
+
+from __future__ import annotations
+
+from preshape.control.approach import FieldGuide, approach
+from preshape.control.failure import TaskFailed
+from preshape.control.grips import brace_grip
+from preshape.control.motions import Motion, lead_fingers, lead_palm, together, wait
+from preshape.control.task_grasp import back_off
+from preshape.control.work import Work
+from preshape.hal.world import Face, opposite
+
+STANDOFF_M = 0.10
+"""Distance of the left palm from its grasp pose at which the field takes over, m."""
+RETREAT_M = 0.14
+"""How far the right hand draws back along its own axis, m."""
+
+
+def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
+    """Bring the left hand to the free end cap, close it, open the right hand and draw it back."""
+    if work.opening is None:
+        raise TaskFailed("unseen: the opening area is not known")
+    body = work.body
+    grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left")
+    work.phase = "travel"
+    X_grasp = work.sight.X_world_box @ grip.X_box_palm
+    q_grasp = work.posture("left", X_grasp)
+    if q_grasp is None:
+        raise TaskFailed("unreachable: the left hand's grasp at the free end")
+    q_start = work.posture("left", back_off(X_grasp, STANDOFF_M), near=q_grasp)
+    if q_start is None:
+        raise TaskFailed("unreachable: the left hand's pre-grasp")
+    yield from together(work.travel("left", q_start), lead_fingers(body, "left", grip.preshape))
+    body.prefer_posture("left", q_grasp)
+
+    def note(phase: str) -> None:
+        work.phase = phase
+
+    yield from approach(
+        guide, body, work.sight, "left", grip.X_box_palm_approach, grip.preshape, carrier=work.carrier, note=note
+    )
+    work.phase = "align"
+    yield from lead_palm(body, "left", work.sight.X_world_box @ grip.X_box_palm, speed=0.03)
+    work.phase = "close"
+    yield from work.hands["left"].close(grip)
+    yield from wait(body, 0.2)
+    work.grips["left"] = grip
+    work.sight.hold("left")
+    work.phase = "release"
+    yield from work.hands["right"].open()
+    work.phase = "retreat"
+    yield from lead_palm(body, "right", back_off(body.asked_palm("right"), RETREAT_M), speed=0.12)
+    work.hands["left"].check()
+    yield from wait(body, 0.5)

@@ -1,0 +1,50 @@
+"""Task 2: show the box to the camera and find the opening area in the image."""
+
+from __future__ import annotations
+
+from preshape.control.failure import TaskFailed
+from preshape.control.motions import Motion, wait
+from preshape.control.object_filter import BoxEstimate
+from preshape.control.opening_finder import Decision, PosePrior, Verdict, decide, find_opening
+from preshape.control.work import Work
+from preshape.hal.world import Face
+from preshape.planner.air_pose import AirPlace, air_pose
+
+STILL_S = 0.4
+"""How long the box rests before an image is taken, s."""
+PRIOR = PosePrior(0.0015, 0.026)
+"""How far the filtered estimate of a held box may be off, m and rad."""
+
+
+def show_face(work: Work, face: Face, end: Face, place: AirPlace) -> Motion:
+    """Turn the held box so that a face looks at the camera."""
+    grip = work.grips["right"]
+    X_palm = air_pose(place, end, face) @ grip.X_box_palm
+    yield from work.travel_to_palm("right", X_palm, speed=0.30)
+    yield from wait(work.body, STILL_S)
+
+
+def look(work: Work) -> Decision:
+    """Take an image and decide what it shows."""
+    estimate: BoxEstimate | None = work.sight.estimate
+    if estimate is None:
+        raise TaskFailed("unseen: the box has no estimate")
+    return decide(find_opening(work.sight.image(), estimate.X_world_box, work.box, work.library, PRIOR))
+
+
+def find_opening_area(work: Work, faces: tuple[Face, ...], end: Face, place: AirPlace) -> Motion:
+    """Show the candidate faces one after another until the opening is found; keeps it in `work.opening`."""
+    for face in faces:
+        work.phase = f"show {face}"
+        yield from show_face(work, face, end, place)
+        work.phase = f"look at {face}"
+        decision = look(work)
+        work.notes.append(f"face {face}: {decision.verdict.value}")
+        if decision.verdict is Verdict.FOUND and decision.match is not None:
+            work.sight.correct(work.body.now_ns, decision.match.X_world_box)
+            work.opening = decision.match.opening
+            work.seen_at = decision.match.X_world_box
+            yield
+            return
+        yield
+    raise TaskFailed("unseen: the opening area was found on none of " + ", ".join(faces))

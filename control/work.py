@@ -1,0 +1,98 @@
+"""What every task works with: the robot, the box, paths for the arms, and a place to say what is going on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from preshape.control.body import Body
+from preshape.control.failure import TaskFailed
+from preshape.control.grips import Grip
+from preshape.control.hand import Hand
+from preshape.control.motions import Motion, follow_arms
+from preshape.control.sight import Sight
+from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side
+from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix, inverse
+from preshape.hal.world import NominalBox, Opening, OrientedBox, TextureLibrary, Workcell
+from preshape.planner.arm_capsules import HeldBox
+from preshape.planner.arm_collision import ArmCollision
+from preshape.planner.arm_path import PathStatus, plan_path
+from preshape.planner.arm_reach import ReachQuery, ReachStatus, reach
+
+
+@dataclass(slots=True, eq=False)
+class Work:
+    """The shared ground of one procedure; `task` and `phase` are what observers are told."""
+
+    cell: Workcell
+    box: NominalBox
+    library: TextureLibrary
+    body: Body
+    sight: Sight
+    hands: dict[Side, Hand]
+    opening: Opening | None = None
+    grips: dict[Side, Grip] = field(default_factory=dict)
+    seen_at: Matrix | None = None
+    carrier: Callable[[], Matrix | None] | None = None
+    task: int = 1
+    phase: str = "start"
+    notes: list[str] = field(default_factory=list)
+
+    def collision(self, exempt: tuple[tuple[str, str], ...] = (), around_box: bool = True) -> ArmCollision:
+        """Return the coarse model of this moment: hands as they are, the box held or standing there."""
+        held = self._held()
+        obstacles: list[OrientedBox] = list(self.sight.obstacles)
+        if held is None and around_box and self.sight.estimate is not None:
+            obstacles.append(OrientedBox("box", self.sight.X_world_box, self.box.size / 2))
+        q_hands = {side: self.body.asked_fingers(side) for side in SIDES}
+        return ArmCollision(self.cell, q_hands, held, tuple(obstacles), exempt)
+
+    def _held(self) -> HeldBox | None:
+        side = self.sight.held_by
+        if side is None:
+            return None
+        X_palm_box = inverse(self.body.palm(side)) @ self.sight.X_world_box
+        return HeldBox(side, X_palm_box, self.box.size / 2)
+
+    def posture(
+        self, side: Side, X_world_palm: Matrix, model: ArmCollision | None = None, near: Vector | None = None
+    ) -> Vector | None:
+        """Return arm joints (7) for a palm pose near a posture (default: as asked now), or None if out of reach."""
+        near = self.body.asked_arm(side) if near is None else near
+        query = ReachQuery(margin_m=0.004)
+        found = reach(
+            side, self.cell.X_world_base[side], X_world_palm, model, self.body.asked_arms(), query, near=near
+        )
+        return found.q if found.status is ReachStatus.REACHABLE else None
+
+    def travel(
+        self, side: Side, q: Vector, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()
+    ) -> Motion:
+        """Bring one arm to joint angles (7) on a path free of coarse collisions; `TaskFailed` if there is none."""
+        goal = self.body.asked_arms()
+        start = goal.copy()
+        own = slice(SIDES.index(side) * ARM_DOF, (SIDES.index(side) + 1) * ARM_DOF)
+        goal[own] = q
+        path = plan_path(self.collision(exempt), start, goal)
+        if path.status is not PathStatus.FOUND:
+            bodies = " ".join(path.bodies)
+            raise TaskFailed(f"unreachable: no path for the {side} arm ({path.status.name.lower()} {bodies})".rstrip())
+        self.body.prefer_posture(side, q)
+        yield from follow_arms(self.body, path.waypoints, speed)
+
+    def travel_to_palm(
+        self, side: Side, X_world_palm: Matrix, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()
+    ) -> Motion:
+        """Bring one palm to a pose over a free joint path."""
+        q = self.posture(side, X_world_palm, self.collision(exempt))
+        if q is None:
+            raise TaskFailed(f"unreachable: the {side} palm at {np.round(X_world_palm[:3, 3], 3).tolist()} m")
+        yield from self.travel(side, q, speed, exempt)
+
+    def limits(self, side: Side) -> tuple[Vector, Vector]:
+        """Return the joint limits (13) of a hand, rad."""
+        hand = LAYOUT.hand(side)
+        return LAYOUT.lower[hand], LAYOUT.upper[hand]
