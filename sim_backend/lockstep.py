@@ -2,6 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from preshape.hal.state import Vector
+from preshape.sim_backend.device import MujocoDevice
+from preshape.sim_backend.kicks import KickSchedule
+from preshape.sim_backend.referee import Referee
+from preshape.sim_backend.scenario import Scenario
+from preshape.sim_backend.scene_perception import attach_sensors
+from preshape.sim_backend.sensors import SceneSensors
 from preshape.sim_backend.simulation import STEP_NS, Simulation
 
 
@@ -21,3 +30,29 @@ class SimClock:
         remaining = deadline_ns - self._simulation.time_ns
         if remaining > 0:
             self._simulation.step(-(-remaining // STEP_NS))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LockstepWorld:
+    """Everything around one lockstep run; only `device`, `clock` and `perception` are the controller's."""
+
+    simulation: Simulation
+    device: MujocoDevice
+    clock: SimClock
+    perception: SceneSensors
+    referee: Referee
+    kicks: KickSchedule
+
+
+def open_lockstep(scenario: Scenario, home: Vector | None = None) -> LockstepWorld:
+    """Return the world of a drawn scenario at time 0, watched by the referee from the first step on."""
+    simulation = Simulation(scenario, home=home)
+    referee = Referee(simulation)
+    return LockstepWorld(
+        simulation,
+        MujocoDevice(simulation),
+        SimClock(simulation),
+        attach_sensors(simulation),
+        referee,
+        KickSchedule(simulation, referee),
+    )

@@ -1,0 +1,102 @@
+"""Sliding of the box in the holding hand, and quantities that must last to count."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix
+from preshape.sim_backend.compiled import compiled
+from preshape.sim_backend.contact_scan import LINKS
+
+DEADBAND_M = 0.0002
+"""Sliding back and forth by less than this is the contact's own give, not slip, m."""
+LOAD_FILTER_S = 0.02
+
+
+class HoldSlip:
+    """Sliding accumulated at the contacts of the holding hand.
+
+    Each hand part integrates its tangential velocity against the box, s = int v_t dt (vector, box frame). Whenever
+    s has moved by the dead band the distance is added to the part's path, and, weighted by the part's share of the
+    grip's load (low-passed), to `slip_m`: the load-weighted mean sliding of the hand's contacts.
+    """
+
+    def __init__(self, timestep_s: float) -> None:
+        """Start with no slip; `update` is called every `timestep_s`."""
+        self._dt = timestep_s
+        self._keep = float(np.exp(-timestep_s / LOAD_FILTER_S))
+        self.load = np.zeros(LINKS)
+        self.path_m = np.zeros(LINKS)
+        """Sliding path of each hand part while its hand held, m."""
+        self._net, self._anchor = np.zeros((LINKS, 3)), np.zeros((LINKS, 3))
+        self.slip_m = 0.0
+
+    def update(self, link_load: Vector, link_slide: Matrix, right_holds: bool, left_holds: bool) -> None:
+        """Take one step's loads (36,) and sliding velocities (36, 3)."""
+        self.slip_m += _slide(
+            link_load, link_slide, self._dt, self._keep, right_holds, left_holds,
+            self.load, self._net, self._anchor, self.path_m,
+        )  # fmt: skip
+
+    def grip_load(self) -> tuple[float, float]:
+        """Return the filtered sum of normal forces of the right and of the left hand on the box, N."""
+        right, left = self.load.reshape(2, -1).sum(axis=1)
+        return float(right), float(left)
+
+
+@compiled
+def _slide(load, slide, dt, keep, right_holds, left_holds, filtered, net, anchor, path):
+    half = len(load) // 2
+    total = 0.0
+    for link in range(len(load)):
+        filtered[link] = keep * filtered[link] + (1.0 - keep) * load[link]
+        if (right_holds and link < half) or (left_holds and link >= half):
+            total += filtered[link]
+    slip = 0.0
+    for link in range(len(load)):
+        holds = right_holds if link < half else left_holds
+        if not holds:
+            anchor[link] = net[link]
+            continue
+        if load[link] <= 0.0:
+            continue
+        distance = 0.0
+        for k in range(3):
+            net[link, k] += dt * slide[link, k]
+            distance += (net[link, k] - anchor[link, k]) ** 2
+        distance = np.sqrt(distance)
+        if distance > DEADBAND_M:
+            anchor[link] = net[link]
+            path[link] += distance
+            slip += distance * filtered[link] / total if total > 0.0 else 0.0
+    return slip
+
+
+class Sustained:
+    """The largest value of each channel that lasted for a number of steps: max over time of a sliding minimum."""
+
+    def __init__(self, channels: int, steps: int) -> None:
+        """Watch some channels; a value counts when it has lasted `steps` steps."""
+        self._ring: NDArray[np.float64] = np.zeros((steps, channels))
+        self._slot = 0
+        self.worst = np.zeros(channels)
+        self.peak = np.zeros(channels)
+        """Largest single value of each channel."""
+
+    def update(self, values: Vector) -> None:
+        """Take one step's values (channels,)."""
+        _last(self._ring, self._slot, values, self.worst, self.peak)
+        self._slot = (self._slot + 1) % len(self._ring)
+
+
+@compiled
+def _last(ring, slot, values, worst, peak):
+    for i in range(len(values)):
+        ring[slot, i] = values[i]
+        least = values[i]
+        for row in range(len(ring)):
+            least = min(least, ring[row, i])
+        worst[i] = max(worst[i], least)
+        peak[i] = max(peak[i], values[i])
