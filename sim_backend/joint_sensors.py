@@ -66,7 +66,7 @@ class JointSensors:
         slots = DELAY_STEPS + 1
         _sample(
             data.qpos, data.qvel, self._velocity_before, data.qfrc_actuator, data.actuator_force,
-            model.actuator_forcerange, model.actuator_biasprm, model.dof_armature, model.dof_damping,
+            model.actuator_forcerange, model.actuator_biasprm, LAYOUT.torque, model.dof_armature, model.dof_damping,
             self._qpos_index, self._dof, self._coupled_dof, model.opt.timestep, self._keep,
             self._ring[(self._steps - 1) % slots], self._ring[self._steps % slots],
         )  # fmt: skip
@@ -110,7 +110,7 @@ def _coupled_dofs(model: mujoco.MjModel) -> NDArray[np.int64]:
 
 @compiled
 def _sample(
-    qpos, qvel, qvel_before, drive, actuator_force, clip, bias, armature, damping,
+    qpos, qvel, qvel_before, drive, actuator_force, clip, bias, most, armature, damping,
     qpos_index, dofs, coupled_dofs, dt, keep, last, out,
 ) -> None:  # fmt: skip
     """Write position, filtered velocity and link-side torque of each joint into `out` (3, n)."""
@@ -118,8 +118,8 @@ def _sample(
         dof = dofs[i]
         acceleration = (qvel[dof] - qvel_before[dof]) / dt
         torque = drive[dof] - armature[dof] * acceleration - damping[dof] * qvel[dof]
-        # The integrator takes the drive's own damping at the end of the step, unless its torque is clipped.
-        if clip[i, 0] < actuator_force[i] < clip[i, 1]:
+        # The integrator takes the drive's own damping at the end of the step, unless drive or joint is clipped.
+        if clip[i, 0] < actuator_force[i] < clip[i, 1] and abs(drive[dof]) < most[i]:
             torque += dt * bias[i, 2] * acceleration
         other = coupled_dofs[i]
         if other >= 0:

@@ -22,6 +22,8 @@ CLEARANCE_PERIOD = 20
 """Steps between two looks at the right hand's distance from the box, while it matters."""
 DROP_HEIGHT_M, DROP_TIME_S = 0.010, 0.020
 """A box that no hand has touched for this long, this high above the table, or that low below it, is dropped."""
+DESIRED_CONTACTS = {"1": "lift_off", "3": "T3", "4": "tab_touch", "5": "pinched"}
+"""Task -> the event that shows the contact it asks for."""
 RETAKE_S = 0.2
 """A new try at the regrasp begins after the taking hand has been off the box for this long."""
 
@@ -93,7 +95,7 @@ class Referee:
         return Verdict(
             undesired_contacts=tuple(self._undesired),
             self_contacts=tuple(self._self),
-            desired_contacts_made={"1": "lift_off" in events, "3": stages.done(3), "4": "tab_touch" in events, "5": "pinched" in events},
+            desired_contacts_made={task: event in events for task, event in DESIRED_CONTACTS.items()},
             dropped="dropped" in events,
             crushed="crushed" in events,
             max_torque_ratio=float(ratios.max()),
@@ -113,7 +115,7 @@ class Referee:
             opening_error=stages.opening_error,
             tasks=tuple(self._task(number) for number in TASK_NAMES),
             events=dict(events),
-        )  # fmt: skip
+        )
 
     def _task(self, number: int) -> TaskTruth:
         events = self._stages.events
@@ -122,9 +124,9 @@ class Referee:
         return TaskTruth(number, TASK_NAMES[number], self._stages.done(number), start, events.get(f"T{number}"))
 
     def _look(self, time_ns: int) -> None:
-        simulation, stages = self._simulation, self._stages
+        simulation, stages, tearing = self._simulation, self._stages, self._simulation.tearing
         seconds = (time_ns - simulation.start_ns) * 1e-9
-        lid_shut = bool(simulation.tearing.intact.any())
+        lid_shut = bool(tearing.intact.any())
         self._bits, fresh = self._contacts.scan(simulation.data, stages.stage, lid_shut)
         if len(fresh):
             self._note_contacts(fresh, seconds)
@@ -133,7 +135,7 @@ class Referee:
         if stages.waits_for_clearance:
             self._check_clearance()
         stages.update(
-            Glance(seconds, self._bits, self._contacts.lowest, simulation.tearing.tab_torn, tab_rad, lid_rad, self._is_clear)
+            Glance(seconds, self._bits, self._contacts.lowest, tearing.tab_torn, tab_rad, lid_rad, self._is_clear)
         )
         self._torque.update(np.abs(simulation.joint_sensors.true_torque) / LAYOUT.torque)
         self._watch_load(seconds)
