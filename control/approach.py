@@ -12,13 +12,13 @@ from preshape.control.contact_policy import Phase, Settling, apply_policy
 from preshape.control.failure import TaskFailed
 from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
 from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
-from preshape.control.motions import Motion, ticks
+from preshape.control.motions import Motion, between, eased, ticks
 from preshape.control.obstacles import Kind, Obstacles
 from preshape.control.potentials import pose_error
 from preshape.control.sight import Sight
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, exp_so3, transform
+from preshape.hal.transform import Matrix, exp_so3, inverse, transform
 from preshape.hal.world import NominalBox, OrientedBox
 
 
@@ -143,8 +143,48 @@ def approach(
     raise TaskFailed(f"timed out: the {side} hand's approach took more than {limits.time_s:g} s")
 
 
-LEAD_M, LEAD_RAD = 0.03, 0.15
-"""How far the asked palm may run ahead of the measured one."""
+def insert(
+    guide: FieldGuide,
+    body: Body,
+    sight: Sight,
+    side: Side,
+    X_box_palm: Matrix,
+    preshape: Vector,
+    speed: float = 0.05,
+    limits: ApproachLimits | None = None,
+) -> Motion:
+    """Lead the palm straight to a pose fixed to the box while the field moves the finger joints alone.
+
+    This is the paper's last part of the second motion: very close to the desired state the reciprocal force
+    is applied to the joint angles only. The line is held in the box's frame, so a moving box is followed.
+    """
+    limits = limits or ApproachLimits()
+    X_box_start = inverse(sight.X_world_box) @ body.asked_palm(side)
+    distance = float(np.linalg.norm(X_box_palm[:3, 3] - X_box_start[:3, 3]))
+    count = ticks(body, max(15.0 / 8.0 * distance / speed, 0.3))
+    hand = LAYOUT.hand(side)
+    clearance: Matrix | None = None
+    for k in range(1, count + 1):
+        guide.refresh()
+        X_world_box = sight.X_world_box
+        body.ask_palm(side, X_world_box @ between(X_box_start, X_box_palm, eased(k / count)))
+        goal = HandGoal(X_world_box @ X_box_palm, preshape)
+        if clearance is None:
+            clearance = goal_clearance(guide.field, side, goal)
+        joints = body.position[hand]
+        apply_policy(guide.field.gains, guide.obstacles, side, Phase.NEAR)
+        shorten_ranges(guide.field, side, clearance, goal_error(goal, body.palm(side), joints))
+        guide.field.evaluate()
+        if k % 10 == 0:
+            guide.read()
+        speeds = np.clip(guide.field.motion(side, goal, joints).joints, -limits.joint_speed, limits.joint_speed)
+        fingers = body.asked_fingers(side) + body.period_s * speeds
+        body.ask_fingers(side, np.clip(fingers, LAYOUT.lower[hand], LAYOUT.upper[hand]))
+        yield
+
+
+LEAD_M = 0.03
+"""How far the asked palm may run ahead of the measured one, m."""
 
 
 def _advance(X_asked: Matrix, X_measured: Matrix, twist: Matrix, limits: ApproachLimits, dt: float) -> Matrix:

@@ -14,7 +14,8 @@ from preshape.control.failure import TaskFailed
 from preshape.control.field import FieldOptions
 from preshape.control.hand import Hand
 from preshape.control.motions import Motion
-from preshape.control.opening_motion import open_motion, push_motion
+from preshape.control.opening_frame import opening_frame
+from preshape.control.opening_motion import push_motion
 from preshape.control.sight import Sight
 from preshape.control.task_grasp import grasp_box, shown_face
 from preshape.control.task_open import enter, play
@@ -25,7 +26,17 @@ from preshape.hal.layout import SIDES
 from preshape.hal.state import RobotState, Vector
 from preshape.hal.tick_record import TickRecord, note_progress
 from preshape.hal.transform import Matrix
-from preshape.hal.world import FACES, Face, NominalBox, Opening, Perception, PoseSample, TextureLibrary, Workcell
+from preshape.hal.world import (
+    FACES,
+    Face,
+    NominalBox,
+    Opening,
+    Perception,
+    PoseSample,
+    TextureLibrary,
+    Workcell,
+    face_normal,
+)
 from preshape.planner.air_pose import AirPlace, upper_face
 
 TASK_NAMES = ("grasp", "find opening", "regrasp", "crush", "open")
@@ -102,9 +113,7 @@ class BoxOpening:
             assert opening is not None
             end = self._held_end()
             yield from self._task(3, lambda: regrasp(self.work, self.guide, end))
-            push, tear = push_motion(self.work.box, opening), open_motion(self.work.box, opening)
-            yield from self._task(4, lambda: self._play(opening, push))
-            yield from self._task(5, lambda: self._play(opening, tear))
+            yield from self._task(4, lambda: self._play(opening, push_motion(self._toward(opening))))
         except TaskFailed as failed:
             self.failure = f"task {self.work.task} ({TASK_NAMES[self.work.task - 1]}): {failed.cause}"
             self._log().outcome = failed.cause.split(":")[0]
@@ -132,6 +141,11 @@ class BoxOpening:
         # The cap that looks against the palm's z axis is the one in the palm.
         down = np.diag([1.0, -1.0, -1.0, 1.0])
         return upper_face(down @ X_palm_box, caps)
+
+    def _toward(self, opening: Opening) -> float:
+        """Return the sign of the opening frame's y axis on whose side the holding hand lies."""
+        y = opening_frame(self.work.box, opening)[:3, 1]
+        return float(np.sign(-y @ face_normal(self._held_end())))
 
     def _play(self, opening: Opening, waypoints: tuple) -> Motion:  # noqa: ANN401
         self.work.phase = "travel"

@@ -6,19 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from preshape.control.approach import FieldGuide, approach
+from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip, cage_grip
-from preshape.control.motions import Motion, lead_fingers, lead_palm, together, wait, wait_for
+from preshape.control.motions import Motion, lead_fingers, lead_palm, wait, wait_for
 from preshape.control.opening_finder import Verdict, decide, find_opening
 from preshape.control.work import Work
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, inverse, transform
 from preshape.hal.world import FACES, Face, face_normal, opposite
+from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.air_pose import AirPlace, air_pose, upper_face
 
-PREGRASP_M = 0.10
+PREGRASP_M = 0.14
 """Height of the palm above its grasp pose at which the field takes over, m."""
+STANDOFF_M = 0.11
+"""Distance from the grasp pose, back along the palm's z axis, at which the fingertips reach the box's end, m."""
 LIFT_M = 0.13
 """How far the box is lifted straight up, m."""
 
@@ -85,16 +88,17 @@ def _postures(work: Work, grip: Grip, end: Face, place: AirPlace) -> GraspChoice
     """Return one grip's chain of postures, each near the one before, or what is out of reach."""
     X_grasp = work.sight.X_world_box @ grip.X_box_palm
     face = shown_face(grip)
+    carried = work.collision(held=HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2))
     poses = {
-        "pre-grasp": back_off(X_grasp, PREGRASP_M),
-        "grasp": X_grasp,
-        "lift": transform((0.0, 0.0, LIFT_M)) @ X_grasp,
-        "show": air_pose(place, end, face) @ grip.X_box_palm,
+        "pre-grasp": (back_off(X_grasp, PREGRASP_M), work.collision()),
+        "grasp": (X_grasp, None),
+        "lift": (transform((0.0, 0.0, LIFT_M)) @ X_grasp, carried),
+        "show": (air_pose(place, end, face) @ grip.X_box_palm, carried),
     }
     near = work.body.asked_arm("right")
     postures: list[Vector] = []
-    for name, X in poses.items():
-        q = work.posture("right", X, near=near)
+    for name, (X, model) in poses.items():
+        q = work.posture("right", X, model, near)
         if q is None:
             return f"{name} pose out of reach"
         postures.append(q)
@@ -113,19 +117,19 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     work.grips["right"] = choice.grip
     hand = work.hands["right"]
     work.phase = "travel"
-    yield from together(
-        work.travel("right", choice.pregrasp), lead_fingers(work.body, "right", choice.grip.preshape)
-    )
+    yield from lead_fingers(work.body, "right", choice.grip.preshape)
+    yield from work.travel("right", choice.pregrasp)
     work.body.prefer_posture("right", choice.grasp)
 
     def note(phase: str) -> None:
         work.phase = phase
 
     yield from approach(
-        guide, work.body, work.sight, "right", choice.grip.X_box_palm_approach, choice.grip.preshape, note=note
-    )
-    work.phase = "align"
-    yield from lead_palm(work.body, "right", work.sight.X_world_box @ choice.grip.X_box_palm, speed=0.03)
+        guide, work.body, work.sight, "right", back_off(choice.grip.X_box_palm, STANDOFF_M), choice.grip.preshape,
+        note=note,
+    )  # fmt: skip
+    work.phase = "insert"
+    yield from insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm, choice.grip.preshape)
     work.phase = "close"
     yield from hand.close(choice.grip)
     work.sight.hold("right")

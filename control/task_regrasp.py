@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from preshape.control.approach import FieldGuide, approach
+from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import brace_grip
-from preshape.control.motions import Motion, lead_fingers, lead_palm, together, wait
-from preshape.control.task_grasp import back_off
+from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
+from preshape.control.task_grasp import STANDOFF_M, back_off
 from preshape.control.work import Work
 from preshape.hal.world import Face, opposite
 
-STANDOFF_M = 0.10
+PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
 RETREAT_M = 0.14
 """How far the right hand draws back along its own axis, m."""
@@ -27,20 +27,22 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     q_grasp = work.posture("left", X_grasp)
     if q_grasp is None:
         raise TaskFailed("unreachable: the left hand's grasp at the free end")
-    q_start = work.posture("left", back_off(X_grasp, STANDOFF_M), near=q_grasp)
+    q_start = work.posture("left", back_off(X_grasp, PREGRASP_M), near=q_grasp)
     if q_start is None:
         raise TaskFailed("unreachable: the left hand's pre-grasp")
-    yield from together(work.travel("left", q_start), lead_fingers(body, "left", grip.preshape))
+    yield from lead_fingers(body, "left", grip.preshape)
+    yield from work.travel("left", q_start)
     body.prefer_posture("left", q_grasp)
 
     def note(phase: str) -> None:
         work.phase = phase
 
     yield from approach(
-        guide, body, work.sight, "left", grip.X_box_palm_approach, grip.preshape, carrier=work.carrier, note=note
-    )
-    work.phase = "align"
-    yield from lead_palm(body, "left", work.sight.X_world_box @ grip.X_box_palm, speed=0.03)
+        guide, body, work.sight, "left", back_off(grip.X_box_palm, STANDOFF_M), grip.preshape, carrier=work.carrier,
+        note=note,
+    )  # fmt: skip
+    work.phase = "insert"
+    yield from insert(guide, body, work.sight, "left", grip.X_box_palm, grip.preshape)
     work.phase = "close"
     yield from work.hands["left"].close(grip)
     yield from wait(body, 0.2)

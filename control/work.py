@@ -41,11 +41,11 @@ class Work:
     phase: str = "start"
     notes: list[str] = field(default_factory=list)
 
-    def collision(self, exempt: tuple[tuple[str, str], ...] = (), around_box: bool = True) -> ArmCollision:
-        """Return the coarse model of this moment: hands as they are, the box held or standing there."""
-        held = self._held()
+    def collision(self, exempt: tuple[tuple[str, str], ...] = (), held: HeldBox | None = None) -> ArmCollision:
+        """Return the coarse model of this moment: hands as they are, the box held (or as `held` says) or standing."""
+        held = held or self._held()
         obstacles: list[OrientedBox] = list(self.sight.obstacles)
-        if held is None and around_box and self.sight.estimate is not None:
+        if held is None and self.sight.estimate is not None:
             obstacles.append(OrientedBox("box", self.sight.X_world_box, self.box.size / 2))
         q_hands = {side: self.body.asked_fingers(side) for side in SIDES}
         return ArmCollision(self.cell, q_hands, held, tuple(obstacles), exempt)

@@ -1,0 +1,154 @@
+"""The torque-limited grasp of one hand as a state machine: close, tighten, hold, open (paper, end of section IV).
+
+Fingers move along internal-force directions: each driven joint turns by dq = k (tau_goal - tau) dt, cut to a
+speed. A finger that meets the object first waits there until its opponents have met it too, so that the
+object is not dragged. Holding keeps the torques by slow integration on the position, which stays stiff for
+what is fast.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import numpy as np
+
+from preshape.control.grips import Grip, Stage
+from preshape.control.touch import TouchSense
+from preshape.hal.layout import HAND_DOF, LAYOUT
+from preshape.hal.state import Vector
+
+TORQUE_GAIN = 4.0
+"""Joint speed per missing torque while closing and tightening, rad/s/(N m)."""
+CLOSING_SPEED = 0.35
+"""Largest joint speed before contact, rad/s."""
+TIGHTENING_SPEED = 0.8
+HOLDING_SPEED = 0.25
+OPENING_SPEED = 1.2
+"""Largest joint speeds after contact, while holding and while opening, rad/s."""
+MET = 0.85
+"""Share of its goal at which a torque counts as met."""
+MOST_TRAVEL = 0.75
+"""A driven joint that has turned this far without touching has missed, rad."""
+STALE_S = 0.05
+"""Samples older than this are not integrated on."""
+
+
+class GraspStatus(Enum):
+    """Where a grasp is; the text is what is reported."""
+
+    OPEN = "open"
+    CLOSING = "closing"
+    HOLDING = "holding"
+    OPENING = "opening"
+    MISSED = "missed"
+    SLIPPED = "slipped"
+
+    @property
+    def failed(self) -> bool:
+        """Whether this is a way out that is not success."""
+        return self in (GraspStatus.MISSED, GraspStatus.SLIPPED)
+
+
+class Grasp:
+    """One hand's grasp from preshape to release; `step` once a tick."""
+
+    def __init__(self, grip: Grip, fingers: Vector) -> None:
+        """Start open, with the fingers asked to stay at these angles (13), rad."""
+        self.grip = grip
+        self.status = GraspStatus.OPEN
+        self.reason = ""
+        self._target = np.asarray(fingers, float).copy()
+        self._start = self._target.copy()
+        hand = LAYOUT.hand(grip.side)
+        self._lower, self._upper, self._torque_limit = LAYOUT.lower[hand], LAYOUT.upper[hand], LAYOUT.torque[hand]
+        self._touch = TouchSense()
+        self._stage = -1
+        self._elapsed = 0.0
+        self._stage_start = self._target.copy()
+        self._creep = np.zeros(HAND_DOF)
+
+    def close(self) -> None:
+        """Begin closing, from the angles asked for last."""
+        self.status, self._stage, self._elapsed = GraspStatus.CLOSING, 0, 0.0
+        self._stage_start = self._start = self._target.copy()
+        self._touch.reset()
+
+    def open(self) -> None:
+        """Begin opening to the grip's preshape."""
+        self.status = GraspStatus.OPENING
+
+    def step(
+        self, dt: float, position: Vector, velocity: Vector, torque: Vector, age_s: float
+    ) -> tuple[Vector, Vector]:
+        """Return the angles (13), rad, and torque limits (13), N m, to ask for in this tick."""
+        self._touch.update(velocity, torque)
+        usable = ~self._touch.frozen & (age_s < STALE_S)
+        if self.status is GraspStatus.CLOSING:
+            self._close_on(dt, torque, usable)
+        elif self.status is GraspStatus.HOLDING:
+            self._keep(dt, position, torque, usable)
+        elif self.status is GraspStatus.OPENING:
+            self._let_go(dt)
+        return self._target.copy(), self._limits(usable)
+
+    def _close_on(self, dt: float, torque: Vector, usable: Vector) -> None:
+        stage = self.grip.stages[self._stage]
+        self._elapsed += dt
+        share = min(1.0, self._elapsed / stage.seconds) if np.isfinite(stage.angles).any() else 1.0
+        placed = np.isfinite(stage.angles)
+        self._target[placed] = (self._stage_start + share * (stage.angles - self._stage_start))[placed]
+        driven = np.isfinite(stage.torques)
+        if stage.touch:
+            self._meet(dt, stage, driven)
+        else:
+            self._drive(dt, torque, stage.torques, driven & usable, TIGHTENING_SPEED)
+        if self._stage_done(stage, driven, torque):
+            self._next_stage()
+
+    def _meet(self, dt: float, stage: Stage, driven: Vector) -> None:
+        """Turn every driven joint that has not touched yet towards the object; those that have, wait."""
+        going = driven & ~self._touch.touching
+        step = np.sign(np.nan_to_num(stage.torques)) * CLOSING_SPEED * dt
+        self._target[going] = np.clip(self._target + step, self._lower, self._upper)[going]
+        missed = going & (np.abs(self._target - self._start) > MOST_TRAVEL)
+        if missed.any() or (self._elapsed > stage.seconds and going.any()):
+            self.status = GraspStatus.MISSED
+            self.reason = "has closed without meeting the box"
+
+    def _drive(self, dt: float, torque: Vector, goal: Vector, joints: Vector, speed: float) -> None:
+        step = np.clip(TORQUE_GAIN * (np.nan_to_num(goal) - torque), -speed, speed) * dt
+        self._target[joints] = np.clip(self._target + step, self._lower, self._upper)[joints]
+
+    def _stage_done(self, stage: Stage, driven: Vector, torque: Vector) -> bool:
+        if stage.touch:
+            return bool(self._touch.touching[driven].all())
+        if np.isfinite(stage.angles).any() and self._elapsed < stage.seconds:
+            return False
+        met = np.abs(torque[driven]) >= MET * np.abs(stage.torques[driven])
+        return bool(met.all()) or self._elapsed >= stage.seconds
+
+    def _next_stage(self) -> None:
+        self._stage += 1
+        self._elapsed = 0.0
+        self._stage_start = self._target.copy()
+        if self._stage == len(self.grip.stages):
+            self.status = GraspStatus.HOLDING
+            self._creep = self._target.copy()
+
+    def _keep(self, dt: float, position: Vector, torque: Vector, usable: Vector) -> None:
+        driven = np.isfinite(self.grip.torques)
+        self._drive(dt, torque, self.grip.torques, driven & usable, HOLDING_SPEED)
+        if np.any(np.abs(self._target - self._creep)[driven] > MOST_TRAVEL):
+            self.status = GraspStatus.SLIPPED
+            self.reason = "has closed further than a held box allows"
+
+    def _let_go(self, dt: float) -> None:
+        left = self.grip.preshape - self._target
+        self._target += np.clip(left, -OPENING_SPEED * dt, OPENING_SPEED * dt)
+        if np.abs(left).max() < 1e-3:
+            self.status = GraspStatus.OPEN
+
+    def _limits(self, usable: Vector) -> Vector:
+        """Return the torque limits; a joint whose sensor says nothing may not use more than its goal."""
+        goal = np.abs(np.nan_to_num(self.grip.torques, nan=np.inf))
+        return np.where(usable, self._torque_limit, np.minimum(self._torque_limit, np.maximum(goal, 0.2)))

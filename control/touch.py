@@ -1,0 +1,50 @@
+"""Touch from joint torque: a residual that lasts; and sensors that no longer say anything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from preshape.hal.layout import HAND_DOF
+from preshape.hal.state import Vector
+
+TOUCH_NM = 0.08
+"""Residual above which a joint has met something, N m."""
+TOUCH_TICKS = 6
+"""How many ticks in a row the residual must last."""
+BIAS_TICKS = 10
+"""Ticks after `reset` over which the free torque is averaged."""
+FROZEN_TICKS = 100
+"""A noisy sensor whose value has not changed for so many ticks is dead."""
+
+
+class TouchSense:
+    """Debounced touch of each of a hand's 13 joints, against the torque measured before closing."""
+
+    def __init__(self) -> None:
+        """Start untouched."""
+        self.touching: Vector = np.zeros(HAND_DOF, dtype=np.bool_)
+        self.frozen: Vector = np.zeros(HAND_DOF, dtype=np.bool_)
+        self._bias = np.zeros(HAND_DOF)
+        self._samples = 0
+        self._over = np.zeros(HAND_DOF, dtype=np.int64)
+        self._same = np.zeros(HAND_DOF, dtype=np.int64)
+        self._last = np.full(HAND_DOF, np.nan)
+
+    def reset(self) -> None:
+        """Forget touches and take the free torque anew."""
+        self._samples = 0
+        self._bias[:] = 0.0
+        self._over[:] = 0
+        self.touching = np.zeros(HAND_DOF, dtype=np.bool_)
+
+    def update(self, velocity: Vector, torque: Vector) -> None:
+        """Take this tick's joint velocities (13), rad/s, and torques (13), N m."""
+        self._same = np.where(torque == self._last, self._same + 1, 0)
+        self._last = torque.copy()
+        self.frozen = self._same >= FROZEN_TICKS
+        if self._samples < BIAS_TICKS:
+            self._samples += 1
+            self._bias += (torque - self._bias) / self._samples
+            return
+        self._over = np.where(np.abs(torque - self._bias) > TOUCH_NM, self._over + 1, 0)
+        self.touching = self.touching | (self._over >= TOUCH_TICKS)
