@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from preshape.hal.layout import SIDES
+from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
 from preshape.hal.world import FACES, face_normal
 from preshape.sim_backend.compiled import compiled
 from preshape.sim_backend.contact_rules import CLASS, PARTS, contact_table, geom_classes, hand, hand_links
 from preshape.sim_backend.scenario import Scenario
+
+Indices = NDArray[Any]
 
 RIM_M = 0.015
 """Points of the shell this near to the opening face's plane are its rim, m."""
@@ -51,7 +57,7 @@ class ContactScan:
         self.link_slide = np.zeros((LINKS, 3))
         self.lowest = 0.0
 
-    def scan(self, data: mujoco.MjData, stage: int, lid_shut: bool) -> tuple[int, Matrix]:
+    def scan(self, data: mujoco.MjData, stage: int, lid_shut: bool) -> tuple[int, Indices]:
         """Return the touch bits and the pairs (geom, geom, kind) not allowed in this stage and seen for the first time.
 
         While the lid is shut its contacts load the box like the shell's.
@@ -68,9 +74,11 @@ class ContactScan:
 
 @compiled
 def _scan(
-    geoms, frames, points, depths, addresses, force, velocity, classes, links, table, seen, fresh,
-    R_box, p_box, R_lid, half, opening, lid_shut, face_load, link_load, link_slide,
-):  # fmt: skip
+    geoms: Indices, frames: Matrix, points: Matrix, depths: Vector, addresses: Indices, force: Vector, velocity: Vector,
+    classes: Indices, links: Indices, table: Indices, seen: Indices, fresh: Indices,
+    R_box: Vector, p_box: Vector, R_lid: Vector, half: Vector, opening: Vector, lid_shut: bool,
+    face_load: Vector, link_load: Vector, link_slide: Matrix,
+) -> tuple[int, int, float]:  # fmt: skip
     bits = 0
     count = 0
     face_load[:] = 0.0

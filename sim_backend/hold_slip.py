@@ -47,7 +47,10 @@ class HoldSlip:
 
 
 @compiled
-def _slide(load, slide, dt, keep, right_holds, left_holds, filtered, net, anchor, path):
+def _slide(
+    load: Vector, slide: Matrix, dt: float, keep: float, right_holds: bool, left_holds: bool,
+    filtered: Vector, net: Matrix, anchor: Matrix, path: Vector,
+) -> float:  # fmt: skip
     half = len(load) // 2
     total = 0.0
     for link in range(len(load)):
@@ -92,7 +95,7 @@ class Sustained:
 
 
 @compiled
-def _last(ring, slot, values, worst, peak):
+def _last(ring: Matrix, slot: int, values: Vector, worst: Vector, peak: Vector) -> None:
     for i in range(len(values)):
         ring[slot, i] = values[i]
         least = values[i]

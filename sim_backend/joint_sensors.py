@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 from preshape.hal import sah_hand
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix
 from preshape.sim_backend.compiled import compiled
 from preshape.sim_backend.robot_model import joint_addresses
+
+Indices = NDArray[np.int64]
 
 DELAY_STEPS = 1
 """Age of the newest sample that can be read, in physics steps."""
@@ -110,8 +113,9 @@ def _coupled_dofs(model: mujoco.MjModel) -> NDArray[np.int64]:
 
 @compiled
 def _sample(
-    qpos, qvel, qvel_before, drive, actuator_force, clip, bias, most, armature, damping,
-    qpos_index, dofs, coupled_dofs, dt, keep, last, out,
+    qpos: Vector, qvel: Vector, qvel_before: Vector, drive: Vector, actuator_force: Vector,
+    clip: Matrix, bias: Matrix, most: Vector, armature: Vector, damping: Vector,
+    qpos_index: Indices, dofs: Indices, coupled_dofs: Indices, dt: float, keep: float, last: Matrix, out: Matrix,
 ) -> None:  # fmt: skip
     """Write position, filtered velocity and link-side torque of each joint into `out` (3, n)."""
     for i in range(len(dofs)):

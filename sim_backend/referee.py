@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from preshape.hal.layout import LAYOUT
 from preshape.hal.transform import Matrix, inverse
@@ -187,7 +188,7 @@ class Referee:
             self._countdown = CLEARANCE_PERIOD
         self._countdown -= 1
 
-    def _note_contacts(self, fresh: Matrix, seconds: float) -> None:
+    def _note_contacts(self, fresh: NDArray[np.int64], seconds: float) -> None:
         model = self._simulation.model
         for first, second, kind in fresh.tolist():
             names = sorted((model.geom(first).name, model.geom(second).name), key=_link_first)
