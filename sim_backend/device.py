@@ -34,9 +34,10 @@ class MujocoDevice:
         self._is_open = False
 
     def open(self) -> None:
-        """Connect; nothing moves."""
+        """Connect; nothing moves. Sequences start anew."""
         if not self._is_open:
             self._is_open = True
+            self._sequence = -1
             self._simulation.before_step.append(self._watch)
             self._latch(DeviceStatus.DISARMED, "")
 
@@ -54,7 +55,7 @@ class MujocoDevice:
 
     def write(self, command: RobotCommand, now_ns: int) -> bool:
         """Take a command if armed, newer than the last and finite."""
-        if self._status != DeviceStatus.ARMED or command.sequence <= self._sequence or not _is_finite(command):
+        if self._status != DeviceStatus.ARMED or command.sequence <= self._sequence or not is_finite(command):
             return False
         self._sequence = command.sequence
         self._commanded_ns = self._simulation.time_ns
@@ -100,6 +101,7 @@ class MujocoDevice:
                 self._latch(DeviceStatus.FAULT, f"watchdog: no command for {silence_ns / 1e6:.0f} ms")
 
 
-def _is_finite(command: RobotCommand) -> bool:
+def is_finite(command: RobotCommand) -> bool:
+    """Tell whether every value of a command is a number."""
     values = command.position, command.torque_limit, command.torque
     return all(bool(np.isfinite(value).all()) for value in values)
