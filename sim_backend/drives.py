@@ -6,16 +6,21 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from preshape.hal.layout import LAYOUT
+from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
+
+LEAD_FILTER_S = 0.008
+"""Time constant of the arms' commanded velocity, s."""
 
 
 class JointDrives:
     """Drives of all 40 joints of one model; `apply` runs before every physics step.
 
-    Position mode: tau = clip(k (p(t) - q) + d (p'(t) - q'), +- torque limit), with p(t) running linearly from
-    the last target to the commanded one within one command period, then resting there. To this the modules add
-    gravity compensation of the robot itself; the sum is clipped at the joint's own limit (`LAYOUT.torque`).
+    Position mode: tau = clip(k (p(t) - q) + d (v - q'), +- torque limit), with p(t) running linearly from the
+    last target to the commanded one within one command period, then resting there. v is the commanded velocity,
+    low-passed, for the arms, and 0 for the fingers: their targets carry the grip's torque loop, whose noise a
+    velocity lead would amplify tenfold. To this the modules add gravity compensation of the robot itself; the
+    sum is clipped at the joint's own limit (`LAYOUT.torque`).
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -25,6 +30,9 @@ class JointDrives:
         self._range = model.actuator_forcerange
         self._stiffness, self._damping = self._gain[:, 0].copy(), -self._bias[:, 2].copy()
         self._lead = self._damping / self._stiffness
+        for side in SIDES:
+            self._lead[LAYOUT.hand(side)] = 0.0
+        self._velocity = np.zeros(LAYOUT.dof)
         self._timestep = float(model.opt.timestep)
         self._target = np.zeros(LAYOUT.dof)
         self._rows = np.zeros((0, LAYOUT.dof))
@@ -49,8 +57,10 @@ class JointDrives:
         start = self._reached()
         share = (np.arange(count) + 1.0) / count
         travel = position - start
-        # The drive damps the error of velocity, not velocity itself: its target carries the lead d/k p'.
-        self._rows = start + share[:, None] * travel + self._lead * travel / (count * self._timestep)
+        duration_s = count * self._timestep
+        self._velocity += (1.0 - np.exp(-duration_s / LEAD_FILTER_S)) * (travel / duration_s - self._velocity)
+        # The drive damps the error of velocity, not velocity itself: its target carries the lead d/k v.
+        self._rows = start + share[:, None] * travel + self._lead * self._velocity
         self._starts, self._count = start, count
         self._target, self._row = np.array(position), 0
 
@@ -79,6 +89,7 @@ class JointDrives:
     def _rest_at(self, values: ArrayLike) -> None:
         self._target = np.array(values, dtype=np.float64)
         self._rows, self._row = np.zeros((0, LAYOUT.dof)), 0
+        self._velocity[:] = 0.0
 
     def _set_servo(self, torque_limit: Vector) -> None:
         self._gain[:, 0], self._bias[:, 1], self._bias[:, 2] = self._stiffness, -self._stiffness, -self._damping
