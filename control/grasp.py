@@ -14,11 +14,14 @@ import numpy as np
 
 from preshape.control.grips import Grip, Stage
 from preshape.control.touch import TouchSense
-from preshape.hal.layout import HAND_DOF, LAYOUT
+from preshape.hal.layout import HAND_DOF, LAYOUT, finger_slice
 from preshape.hal.state import Vector
 
-TORQUE_GAIN = 4.0
-"""Joint speed per missing torque while closing and tightening, rad/s/(N m)."""
+TIGHTENING_GAIN = 1.5
+HOLDING_GAIN = 0.5
+"""Joint speed per missing torque while tightening and while holding, rad/s/(N m)."""
+TORQUE_FILTER_S = 0.030
+"""Time constant of the torque that is acted on, s."""
 CLOSING_SPEED = 0.35
 """Largest joint speed before contact, rad/s."""
 TIGHTENING_SPEED = 0.8
@@ -66,12 +69,18 @@ class Grasp:
         self._elapsed = 0.0
         self._stage_start = self._target.copy()
         self._creep = np.zeros(HAND_DOF)
+        self._share = 1.0
+        self._filtered = np.zeros(HAND_DOF)
 
     def close(self) -> None:
         """Begin closing, from the angles asked for last."""
         self.status, self._stage, self._elapsed = GraspStatus.CLOSING, 0, 0.0
         self._stage_start = self._start = self._target.copy()
         self._touch.reset()
+
+    def ease(self, share: float) -> None:
+        """Hold with a share of the torque goals from now on, as when another hand comes to help."""
+        self._share = share
 
     def open(self) -> None:
         """Begin opening to the grip's preshape."""
@@ -82,6 +91,8 @@ class Grasp:
     ) -> tuple[Vector, Vector]:
         """Return the angles (13), rad, and torque limits (13), N m, to ask for in this tick."""
         self._touch.update(velocity, torque)
+        self._filtered += min(1.0, dt / TORQUE_FILTER_S) * (torque - self._filtered)
+        torque = self._filtered
         usable = ~self._touch.frozen & (age_s < STALE_S)
         if self.status is GraspStatus.CLOSING:
             self._close_on(dt, torque, usable)
@@ -116,7 +127,7 @@ class Grasp:
             self.reason = "has closed without meeting the box"
 
     def _drive(self, dt: float, torque: Vector, goal: Vector, joints: Vector, speed: float) -> None:
-        step = np.clip(TORQUE_GAIN * (np.nan_to_num(goal) - torque), -speed, speed) * dt
+        step = np.clip(TIGHTENING_GAIN * (np.nan_to_num(goal) - torque), -speed, speed) * dt
         self._target[joints] = np.clip(self._target + step, self._lower, self._upper)[joints]
 
     def _stage_done(self, stage: Stage, driven: Vector, torque: Vector) -> bool:
@@ -137,10 +148,26 @@ class Grasp:
 
     def _keep(self, dt: float, position: Vector, torque: Vector, usable: Vector) -> None:
         driven = np.isfinite(self.grip.torques)
-        self._drive(dt, torque, self.grip.torques, driven & usable, HOLDING_SPEED)
+        self._press(dt, torque, usable)
         if np.any(np.abs(self._target - self._creep)[driven] > MOST_TRAVEL):
             self.status = GraspStatus.SLIPPED
             self.reason = "has closed further than a held box allows"
+
+    def _press(self, dt: float, torque: Vector, usable: Vector) -> None:
+        """Close or open opposed fingers together by their common lack of torque; what they share is left stiff.
+
+        Driving each to its own goal would let the object float between them: any load would push it along.
+        """
+        goal = np.nan_to_num(self.grip.torques) * self._share
+        for a, b in self.grip.opposed:
+            joints = [j for finger in (a, b) for j in range(*finger_slice(finger).indices(HAND_DOF)) if goal[j] != 0.0]
+            if not usable[joints].all():
+                continue
+            # The thumb presses alone on its side: its torque tells the squeeze of the whole grip.
+            told = joints[:1] if a == "thumb" else joints
+            lack = float(np.mean(1.0 - torque[told] / goal[told]))
+            step = np.clip(HOLDING_GAIN * lack * goal[joints], -HOLDING_SPEED, HOLDING_SPEED) * dt
+            self._target[joints] = np.clip(self._target[joints] + step, self._lower[joints], self._upper[joints])
 
     def _let_go(self, dt: float) -> None:
         left = self.grip.preshape - self._target

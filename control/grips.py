@@ -17,8 +17,10 @@ from preshape.hal.transform import Matrix, transform
 from preshape.hal.world import FACES, Face, face_normal
 from preshape.planner.hand_kinematics import hand_kinematics
 
-FACE_X = 0.020
+FACE_X = 0.014
 """Distance along palm x of the finger-side face from the palm's origin, m: fingers lie along it, straight."""
+INSERT_X = 0.021
+"""The same while the hand comes: the box's middle between fingers and thumb, m."""
 CAP_Z = 0.176
 """Distance along palm z of the end cap from the palm's origin, m."""
 BRACE_Y = 0.020
@@ -44,17 +46,20 @@ class Stage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grip:
-    """A grip: the palm's pose in the box's frame, finger angles (13) before closing, stages, and holding torques.
+    """A grip: the palm's poses in the box's frame (held, and while it comes), finger angles (13) before closing, stages, and holding torques.
 
-    `torques` (13), N m: goals of the driven joints, nan where the joint keeps its angle.
+    `torques` (13), N m: goals of the driven joints, nan where the joint keeps its angle. `opposed` names the
+    pairs of fingers that press against each other: their torques are kept by closing or opening both together.
     """
 
     name: str
     side: Side
     X_box_palm: Matrix
+    X_box_palm_insert: Matrix
     preshape: Vector
     stages: tuple[Stage, ...]
     torques: Vector
+    opposed: tuple[tuple[str, str], ...]
 
 
 def _joints(**angles: float) -> Vector:
@@ -76,15 +81,18 @@ def _outward(finger: str) -> float:
     return 1.0 if after > before else -1.0
 
 
-def _palm(size: Matrix, end: Face, finger_face: Face, side: Side, across_y: float) -> Matrix:
-    """Return X_box_palm: z into the box, x from the finger face to the thumb's."""
+def _palm(size: Matrix, end: Face, finger_face: Face, side: Side, across_y: float) -> tuple[Matrix, Matrix]:
+    """Return X_box_palm held and while it comes: z into the box, x from the finger face to the thumb's."""
     half = np.asarray(size, float) / 2
     n_end, n_finger = face_normal(end), face_normal(finger_face)
     x, z = -n_finger, -n_end
     R = np.column_stack([x, np.cross(z, x), z])
     mirror = 1.0 if side == "right" else -1.0
-    p_palm_box = np.array([FACE_X + np.abs(x) @ half, mirror * across_y, CAP_Z + np.abs(z) @ half])
-    return transform(-R @ p_palm_box, R)
+    poses: list[Matrix] = []
+    for face_x in (FACE_X, INSERT_X):
+        p_palm_box = np.array([face_x + np.abs(x) @ half, mirror * across_y, CAP_Z + np.abs(z) @ half])
+        poses.append(transform(-R @ p_palm_box, R))
+    return poses[0], poses[1]
 
 
 def _check_width(size: Matrix, face: Face, widths: tuple[float, float], what: str) -> None:
@@ -109,7 +117,7 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
         ring_abd=0.26 * out["ring"], ring_flex=-0.069, ring_pip=0.07,
     )  # fmt: skip
     torques = _joints(
-        thumb_flex=1.1, middle_flex=0.6, fore_abd=-0.6 * out["fore"], ring_abd=-0.6 * out["ring"]
+        thumb_flex=0.95, middle_flex=0.5, fore_abd=-0.42 * out["fore"], ring_abd=-0.42 * out["ring"]
     )
     curl = _joints(fore_flex=0.5, fore_pip=0.5, ring_flex=0.5, ring_pip=0.5)
     nothing = _joints()
@@ -118,7 +126,7 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
         Stage(curl, _joints(thumb_flex=0.3, middle_flex=0.2), 0.5),
         Stage(nothing, torques, 2.5),
     )
-    return Grip("cage", side, _palm(size, end, finger_face, side, 0.0), preshape, stages, torques)
+    return Grip("cage", side, *_palm(size, end, finger_face, side, 0.0), preshape, stages, torques, (("thumb", "middle"), ("fore", "ring")))
 
 
 def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side) -> Grip:
@@ -140,11 +148,11 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side) -> Grip:
         middle_abd=0.0, middle_flex=-0.069, middle_pip=0.07,
         ring_abd=0.24 * out, ring_flex=-0.069, ring_pip=0.07,
     )  # fmt: skip
-    torques = _joints(thumb_flex=1.1, fore_flex=0.5, middle_flex=0.5, ring_abd=-0.6 * out)
+    torques = _joints(thumb_flex=1.0, fore_flex=0.45, middle_flex=0.45, ring_abd=-0.5 * out)
     light = _joints(thumb_flex=0.3, fore_flex=0.15, middle_flex=0.15)
     stages = (
         Stage(_joints(), light, 3.0, touch=True),
         Stage(_joints(ring_flex=0.45, ring_pip=0.5), light, 0.5),
         Stage(_joints(), torques, 2.5),
     )
-    return Grip("brace", side, _palm(size, end, finger_face, side, BRACE_Y), preshape, stages, torques)
+    return Grip("brace", side, *_palm(size, end, finger_face, side, BRACE_Y), preshape, stages, torques, (("thumb", "fore"), ("thumb", "middle")))

@@ -47,6 +47,11 @@ class Hand:
             yield
         raise TaskFailed(f"timed out: the {self.side} hand did not close within {CLOSE_S:g} s")
 
+    def ease(self, share: float) -> None:
+        """Hold with a share of the grip's torques."""
+        if self._grasp is not None:
+            self._grasp.ease(share)
+
     def open(self) -> Motion:
         """Open to the grip's preshape and end the grasp."""
         if self._grasp is None:

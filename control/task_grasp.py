@@ -91,7 +91,7 @@ def _postures(work: Work, grip: Grip, end: Face, place: AirPlace) -> GraspChoice
     carried = work.collision(held=HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2))
     poses = {
         "pre-grasp": (back_off(X_grasp, PREGRASP_M), work.collision()),
-        "grasp": (X_grasp, None),
+        "grasp": (X_grasp, work.collision(exempt=(("right_hand", "box"),))),
         "lift": (transform((0.0, 0.0, LIFT_M)) @ X_grasp, carried),
         "show": (air_pose(place, end, face) @ grip.X_box_palm, carried),
     }
@@ -113,7 +113,9 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     if not settled:
         raise TaskFailed("unseen: no settled estimate of the box within 3 s")
     yield from wait(work.body, 0.3)
-    choice = choose_grip(work, likely or glance(work), place)
+    likely = likely or glance(work)
+    work.notes.append(f"glance: {likely or 'cannot tell'}")
+    choice = choose_grip(work, likely, place)
     work.grips["right"] = choice.grip
     hand = work.hands["right"]
     work.phase = "travel"
@@ -125,11 +127,13 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
         work.phase = phase
 
     yield from approach(
-        guide, work.body, work.sight, "right", back_off(choice.grip.X_box_palm, STANDOFF_M), choice.grip.preshape,
+        guide, work.body, work.sight, "right", back_off(choice.grip.X_box_palm_insert, STANDOFF_M), choice.grip.preshape,
         note=note,
     )  # fmt: skip
     work.phase = "insert"
-    yield from insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm, choice.grip.preshape)
+    yield from insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm_insert, choice.grip.preshape)
+    work.phase = "lay on"
+    yield from lead_palm(work.body, "right", work.sight.X_world_box @ choice.grip.X_box_palm, speed=0.02)
     work.phase = "close"
     yield from hand.close(choice.grip)
     work.sight.hold("right")

@@ -12,6 +12,8 @@ from preshape.hal.world import Face, opposite
 
 PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
+EASED = 0.6
+"""Share of its torques that the right hand keeps while the left closes: both press on the same two panels."""
 RETREAT_M = 0.14
 """How far the right hand draws back along its own axis, m."""
 
@@ -38,12 +40,15 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
         work.phase = phase
 
     yield from approach(
-        guide, body, work.sight, "left", back_off(grip.X_box_palm, STANDOFF_M), grip.preshape, carrier=work.carrier,
+        guide, body, work.sight, "left", back_off(grip.X_box_palm_insert, STANDOFF_M), grip.preshape, carrier=work.carrier,
         note=note,
     )  # fmt: skip
     work.phase = "insert"
-    yield from insert(guide, body, work.sight, "left", grip.X_box_palm, grip.preshape)
+    yield from insert(guide, body, work.sight, "left", grip.X_box_palm_insert, grip.preshape)
+    work.phase = "lay on"
+    yield from lead_palm(body, "left", work.sight.X_world_box @ grip.X_box_palm, speed=0.02)
     work.phase = "close"
+    work.hands["right"].ease(EASED)
     yield from work.hands["left"].close(grip)
     yield from wait(body, 0.2)
     work.grips["left"] = grip

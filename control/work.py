@@ -23,6 +23,10 @@ from preshape.planner.arm_path import PathStatus, plan_path
 from preshape.planner.arm_reach import ReachQuery, ReachStatus, reach
 
 
+CLEARANCE_M = 0.020
+"""Clearance that chosen arm postures keep from everything they must not touch, m."""
+
+
 @dataclass(slots=True, eq=False)
 class Work:
     """The shared ground of one procedure; `task` and `phase` are what observers are told."""
@@ -62,7 +66,7 @@ class Work:
     ) -> Vector | None:
         """Return arm joints (7) for a palm pose near a posture (default: as asked now), or None if out of reach."""
         near = self.body.asked_arm(side) if near is None else near
-        query = ReachQuery(margin_m=0.004)
+        query = ReachQuery(margin_m=CLEARANCE_M)
         found = reach(
             side, self.cell.X_world_base[side], X_world_palm, model, self.body.asked_arms(), query, near=near
         )
