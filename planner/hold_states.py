@@ -1,0 +1,109 @@
+"""Sets of hold states: which component the right and which the left hand may have at one moment, as bits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from preshape.planner.component import EVERY, component_masks
+from preshape.planner.hand_cover import Covers
+
+OFF = len(component_masks())
+"""The state of a hand that is not on the box, beside the numbers of components."""
+
+OFF_BIT = 1 << OFF
+
+States = tuple[int, ...]
+"""Row r, bit l: the pair (r, l) belongs to the set; both run over the components and OFF."""
+
+NO_STATES: States = (0,) * (OFF + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Onto:
+    """How one hand changes in an added regrasp: the components allowed for itself and for the other hand in it.
+
+    `right`: whether the right hand regrasps. `helper`: whether the other hand, off the box, takes it meanwhile.
+    """
+
+    right: bool
+    own: int
+    other: int
+    helper: bool
+
+
+def flipped(states: States) -> States:
+    """Return the set with both hands exchanged."""
+    rows = [0] * (OFF + 1)
+    for r, row in enumerate(states):
+        while row:
+            rows[(row & -row).bit_length() - 1] |= 1 << r
+            row &= row - 1
+    return tuple(rows)
+
+
+def union(a: States, b: States) -> States:
+    """Return the union of two sets."""
+    return tuple(x | y for x, y in zip(a, b, strict=True))
+
+
+def within(states: States, covers: Covers, right: int, left: int) -> States:
+    """Return the states whose hands are both allowed and compatible with each other."""
+    return tuple(
+        row & left & (covers.compatible[r] | OFF_BIT if r != OFF else EVERY | OFF_BIT) if right >> r & 1 else 0
+        for r, row in enumerate(states)
+    )
+
+
+def left_box(states: States, right: bool, left: bool) -> States:
+    """Return the states after the right or the left hand has left the box."""
+    if left:
+        states = tuple(OFF_BIT if row else 0 for row in states)
+    if right:
+        reached = 0
+        for row in states:
+            reached |= row
+        states = (*NO_STATES[:OFF], reached)
+    return states
+
+
+def arrived(states: States, right: bool, left: bool) -> States:
+    """Return the states after the right or the left hand, off the box so far, has come to any component."""
+    if left:
+        states = tuple(EVERY if row & OFF_BIT else 0 for row in states)
+    if right:
+        states = (*(states[OFF],) * OFF, 0)
+    return states
+
+
+def regrasped(states: States, covers: Covers, onto: Onto) -> States:
+    """Return the states after one added regrasp."""
+    if not onto.right:
+        return flipped(regrasped(flipped(states), covers, Onto(True, onto.own, onto.other, onto.helper)))
+    own = [r for r in range(OFF) if onto.own >> r & 1]
+    if onto.helper:
+        holding = sum(1 << r for r in own if states[r] & OFF_BIT)
+        reached = onto.own & covers.supported(covers.supported(holding) & onto.other)
+        return (*(OFF_BIT if reached >> r & 1 else 0 for r in range(OFF)), 0)
+    kept = 0
+    for r in own:
+        kept |= states[r] & onto.other
+    return (*(kept & (covers.compatible[r] | OFF_BIT) if onto.own >> r & 1 else 0 for r in range(OFF)), 0)
+
+
+def before_regrasp(states: States, covers: Covers, onto: Onto, after: tuple[int, int]) -> tuple[int, int] | None:
+    """Return a state of the set that one added regrasp turns into `after`, None if there is none."""
+    if not onto.right:
+        swapped = Onto(True, onto.own, onto.other, onto.helper)
+        found = before_regrasp(flipped(states), covers, swapped, (after[1], after[0]))
+        return None if found is None else (found[1], found[0])
+    new, other = after
+    for old in range(OFF):
+        if not (onto.own >> old & 1 and onto.own >> new & 1 and states[old] >> other & 1):
+            continue
+        if onto.helper:
+            possible = covers.compatible[old] & covers.compatible[new] & onto.other != 0
+        else:
+            possible = bool(onto.other >> other & 1 and (other == OFF or covers.compatible[new] >> other & 1))
+        if possible:
+            return old, other
+    return None
