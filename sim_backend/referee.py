@@ -12,6 +12,7 @@ from preshape.sim_backend.clearance import Clearance
 from preshape.sim_backend.contact_rules import CLASS, SELF, geom_classes, hand
 from preshape.sim_backend.contact_scan import LEFT_ON_BOX, RIGHT_ON_BOX, TABLE_ON_BOX, ContactScan
 from preshape.sim_backend.hold_slip import HoldSlip, Sustained
+from preshape.sim_backend.lid_truth import LidTruth
 from preshape.sim_backend.referee_report import TASK_NAMES, Contact, TaskTruth, Verdict
 from preshape.sim_backend.scene import TIMESTEP_S
 from preshape.sim_backend.simulation import Simulation
@@ -46,7 +47,7 @@ class Referee:
         self._torque = Sustained(LAYOUT.dof, round(TORQUE_TIME_S / TIMESTEP_S) + 1)
         self._panels = Sustained(len(FACES), max(1, round(scenario.strengths.tear_time_s / TIMESTEP_S)))
         self._crush_n = scenario.strengths.crush_n * scenario.strengths.scale
-        self._angles = tuple(_angle_address(simulation, name) for name in ("tab", "lid"))
+        self._lid = LidTruth(simulation)
         self._max_angles = np.zeros(2)
         self._right_palm = model.body("right_palm").id
         self._clearance = _right_hand_clearance(simulation)
@@ -89,8 +90,8 @@ class Referee:
 
     def verdict(self) -> Verdict:
         """Return all that was seen up to now."""
-        stages, tearing = self._stages, self._simulation.tearing
-        ratios, angles = self._torque.worst, np.rad2deg(self._read_angles())
+        stages, lid = self._stages, self._lid
+        ratios, angles = self._torque.worst, np.rad2deg(lid.angles())
         max_angles = np.rad2deg(self._max_angles)
         events = stages.events
         return Verdict(
@@ -111,8 +112,8 @@ class Referee:
             max_tab_angle_deg=float(max_angles[0]),
             lid_angle_deg=float(angles[1]),
             max_lid_angle_deg=float(max_angles[1]),
-            tab_torn=tearing.tab_torn,
-            torn_fraction=tearing.torn_fraction,
+            tab_torn=lid.tab_torn,
+            torn_fraction=lid.torn_fraction,
             opening_error=stages.opening_error,
             tasks=tuple(self._task(number) for number in TASK_NAMES),
             events=dict(events),
@@ -125,18 +126,17 @@ class Referee:
         return TaskTruth(number, TASK_NAMES[number], self._stages.done(number), start, events.get(f"T{number}"))
 
     def _look(self, time_ns: int) -> None:
-        simulation, stages, tearing = self._simulation, self._stages, self._simulation.tearing
+        simulation, stages, lid = self._simulation, self._stages, self._lid
         seconds = (time_ns - simulation.start_ns) * 1e-9
-        lid_shut = bool(tearing.intact.any())
-        self._bits, fresh = self._contacts.scan(simulation.data, stages.stage, lid_shut)
+        self._bits, fresh = self._contacts.scan(simulation.data, stages.stage, lid.shut)
         if len(fresh):
             self._note_contacts(fresh, seconds)
-        tab_rad, lid_rad = self._read_angles()
+        tab_rad, lid_rad = lid.angles()
         self._max_angles[0], self._max_angles[1] = max(self._max_angles[0], tab_rad), max(self._max_angles[1], lid_rad)
         if stages.waits_for_clearance:
             self._check_clearance()
         stages.update(
-            Glance(seconds, self._bits, self._contacts.lowest, tearing.tab_torn, tab_rad, lid_rad, self._is_clear)
+            Glance(seconds, self._bits, self._contacts.lowest, lid.tab_torn, tab_rad, lid_rad, self._is_clear)
         )
         self._torque.update(np.abs(simulation.joint_sensors.true_torque) / LAYOUT.torque)
         self._watch_load(seconds)
@@ -194,19 +194,10 @@ class Referee:
             names = sorted((model.geom(first).name, model.geom(second).name), key=_link_first)
             (self._self if kind == SELF else self._undesired).append((names[0], names[1], round(seconds, 3)))
 
-    def _read_angles(self) -> tuple[float, float]:
-        qpos = self._simulation.data.qpos
-        tab, lid = self._angles
-        return float(qpos[tab]), float(qpos[lid])
-
     def _pose(self, body: int) -> Matrix:
         X = np.eye(4)
         X[:3, :3], X[:3, 3] = self._simulation.data.xmat[body].reshape(3, 3), self._simulation.data.xpos[body]
         return X
-
-
-def _angle_address(simulation: Simulation, joint: str) -> int:
-    return int(simulation.model.jnt_qposadr[simulation.model.joint(joint).id])
 
 
 def _right_hand_clearance(simulation: Simulation) -> Clearance:

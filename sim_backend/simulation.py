@@ -62,7 +62,7 @@ class Simulation:
         self.drives = JointDrives(self.model, self.data)
         self.drives.hold(self.data.ctrl.copy(), LAYOUT.torque)
         self.joint_sensors = JointSensors(self.model, self.data, scenario.seed)
-        self.tearing = Tearing(self.model, scenario)
+        self.tearing = Tearing(self.model, scenario) if _has_lid(self.model) else None
 
     @property
     def seconds(self) -> float:
@@ -103,7 +103,8 @@ class Simulation:
             self.obstacles.place((time_ns - self.start_ns) * 1e-9)
         mujoco.mj_step(self.model, self.data)
         self.time_ns = time_ns + STEP_NS
-        self.tearing.update(self.data)
+        if self.tearing is not None:
+            self.tearing.update(self.data)
         self.joint_sensors.update()
         for hook in self.after_step:
             hook(time_ns)
@@ -120,3 +121,7 @@ class Simulation:
             first, second = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
             if second >= 0:
                 data.qpos[model.jnt_qposadr[first]] = data.qpos[model.jnt_qposadr[second]]
+
+
+def _has_lid(model: mujoco.MjModel) -> bool:
+    return any(model.eq(number).name == "lid_perforation" for number in range(model.neq))

@@ -136,6 +136,7 @@ def test_angles_and_tears_are_the_box_own() -> None:
     simulation, referee = world()
     for name in ("lid", "tab"):
         simulation.data.eq_active[simulation.model.equality(f"{name}_perforation").id] = 0
+    assert simulation.tearing is not None
     simulation.tearing.intact[:] = False
     simulation.tearing.tab_torn = True
     simulation.data.qpos[simulation.model.joint("lid").qposadr[0]] = np.deg2rad(70.0)
