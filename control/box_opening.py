@@ -13,9 +13,9 @@ from preshape.control.controller import Setpoint
 from preshape.control.failure import TaskFailed
 from preshape.control.field import FieldOptions
 from preshape.control.hand import Hand
-from preshape.control.motions import Motion
+from preshape.control.motions import Motion, wait
 from preshape.control.opening_frame import opening_frame
-from preshape.control.opening_motion import push_motion
+from preshape.control.opening_motion import HandWaypoint, open_motion, push_motion
 from preshape.control.sight import Sight
 from preshape.control.task_grasp import grasp_box, shown_face
 from preshape.control.task_open import enter, play
@@ -113,7 +113,12 @@ class BoxOpening:
             assert opening is not None
             end = self._held_end()
             yield from self._task(3, lambda: regrasp(self.work, self.guide, end))
-            yield from self._task(4, lambda: self._play(opening, push_motion(self._toward(opening))))
+            toward = self._toward(opening)
+            depth = float(np.abs(face_normal(opening.edge)) @ self.work.box.size)
+            hinge_distance = depth - self.work.box.tab_size[1] / 2
+            yield from self._task(4, lambda: self._play(opening, push_motion(toward)))
+            yield from self._task(5, lambda: self._play(opening, open_motion(toward, hinge_distance)))
+            yield from wait(self.work.body, 0.8)
         except TaskFailed as failed:
             self.failure = f"task {self.work.task} ({TASK_NAMES[self.work.task - 1]}): {failed.cause}"
             self._log().outcome = failed.cause.split(":")[0]
@@ -147,7 +152,7 @@ class BoxOpening:
         y = opening_frame(self.work.box, opening)[:3, 1]
         return float(np.sign(-y @ face_normal(self._held_end())))
 
-    def _play(self, opening: Opening, waypoints: tuple) -> Motion:  # noqa: ANN401
+    def _play(self, opening: Opening, waypoints: tuple[HandWaypoint, ...]) -> Motion:
         self.work.phase = "travel"
         yield from enter(self.work, opening, waypoints[0])
         yield from play(self.work, opening, waypoints)

@@ -116,9 +116,7 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
         middle_abd=0.0, middle_flex=-0.069, middle_pip=0.07,
         ring_abd=0.26 * out["ring"], ring_flex=-0.069, ring_pip=0.07,
     )  # fmt: skip
-    torques = _joints(
-        thumb_flex=0.95, middle_flex=0.5, fore_abd=-0.42 * out["fore"], ring_abd=-0.42 * out["ring"]
-    )
+    torques = _joints(thumb_flex=0.95, middle_flex=0.5, fore_abd=-0.42 * out["fore"], ring_abd=-0.42 * out["ring"])
     curl = _joints(fore_flex=0.5, fore_pip=0.5, ring_flex=0.5, ring_pip=0.5)
     nothing = _joints()
     stages = (
@@ -126,7 +124,15 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
         Stage(curl, _joints(thumb_flex=0.3, middle_flex=0.2), 0.5),
         Stage(nothing, torques, 2.5),
     )
-    return Grip("cage", side, *_palm(size, end, finger_face, side, 0.0), preshape, stages, torques, (("thumb", "middle"), ("fore", "ring")))
+    return Grip(
+        "cage",
+        side,
+        *_palm(size, end, finger_face, side, 0.0),
+        preshape,
+        stages,
+        torques,
+        (("thumb", "middle"), ("fore", "ring")),
+    )
 
 
 def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side) -> Grip:
@@ -155,4 +161,12 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side) -> Grip:
         Stage(_joints(ring_flex=0.45, ring_pip=0.5), light, 0.5),
         Stage(_joints(), torques, 2.5),
     )
-    return Grip("brace", side, *_palm(size, end, finger_face, side, BRACE_Y), preshape, stages, torques, (("thumb", "fore"), ("thumb", "middle")))
+    return Grip(
+        "brace",
+        side,
+        *_palm(size, end, finger_face, side, BRACE_Y),
+        preshape,
+        stages,
+        torques,
+        (("thumb", "fore"), ("thumb", "middle")),
+    )

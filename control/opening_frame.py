@@ -14,8 +14,6 @@ def opening_frame(box: NominalBox, opening: Opening) -> Matrix:
     normal, edge = face_normal(opening.face), face_normal(opening.edge)
     along = np.eye(3)[box.long_axis]
     origin = (
-        normal * (np.abs(normal) @ half)
-        + edge * (np.abs(edge) @ half - box.tab_size[1] / 2)
-        + along * opening.offset
+        normal * (np.abs(normal) @ half) + edge * (np.abs(edge) @ half - box.tab_size[1] / 2) + along * opening.offset
     )
     return transform(origin, np.column_stack([edge, np.cross(normal, edge), normal]))

@@ -55,18 +55,81 @@ def palm_for_tip(p_tip: Matrix, tilt: float, roll: float, toward: float, fingers
     return transform(np.asarray(p_tip) - R @ tip, R)
 
 
-PUSH_TILT = np.deg2rad(45.0)
-PUSH_DEPTH = 0.028
+TILT = float(np.deg2rad(45.0))
+"""Tilt of the palm's axis from the box's long axis into the face, rad."""
+DEPTH = 0.028
+"""How deep the thumb's tip goes, m."""
+TIP_X = 0.005
+"""Where the thumb comes down, from the tab's centre towards its edge, m: well inside the hole."""
+HINGE_ROOM = 0.020
+"""Half the tab's depth: the lid begins this far from the tab's centre towards the hinge, m."""
 
 
 def push_motion(toward: float) -> tuple[HandWaypoint, ...]:
     """Return task 4: the thumb comes down on the tab, pushes it in, and leaves the way it came."""
-    q = thumb_out()
-    at = lambda z: palm_for_tip(np.array([0.007, 0.0, z]), PUSH_TILT, 0.0, toward, q)  # noqa: E731
+    fist = thumb_out()
+
+    def at(z: float) -> Matrix:
+        return palm_for_tip(np.array([TIP_X, 0.0, z]), TILT, 0.0, toward, fist)
+
     return (
-        HandWaypoint("above", at(0.08), q, 0.3),
-        HandWaypoint("touch", at(0.02), q, 0.6),
-        HandWaypoint("crush", at(-PUSH_DEPTH), q, 1.6),
-        HandWaypoint("leave", at(0.10), q, 0.8),
-        HandWaypoint("clear", at(0.14), q, 0.4),
+        HandWaypoint("above", at(0.08), fist, 0.3),
+        HandWaypoint("touch", at(0.02), fist, 0.6),
+        HandWaypoint("crush", at(-DEPTH), fist, 1.6),
+        HandWaypoint("leave", at(0.08), fist, 0.8),
+        HandWaypoint("clear", at(0.12), fist, 0.4),
     )
+
+
+def open_motion(
+    toward: float, hinge_distance: float, turn: float = float(np.deg2rad(80.0))
+) -> tuple[HandWaypoint, ...]:
+    """Return task 5: insert the thumb, lever the lid loose, pinch it, turn it open about its hinge, leave.
+
+    The lever rolls the thumb about the rim of the side wall until it presses the lid from within: the forces on
+    rim and lid are nearly a couple, which the holding hand bears far better than a pull. `hinge_distance` is the
+    distance of the hinge from the tab's centre, m. After the pinch the hand turns rigidly with the lid.
+    """
+    fist, hook, pinch = thumb_out(), _hook(0.70, 0.60), _hook(0.45, 0.50)
+
+    def at(x: float, z: float, roll_deg: float, fingers: Vector = fist) -> Matrix:
+        return palm_for_tip(np.array([x, 0.0, z]), TILT, float(np.deg2rad(roll_deg)), toward, fingers)
+
+    rise = -HINGE_ROOM, 0.012, 20.0
+    loose = [
+        HandWaypoint("above", at(TIP_X, 0.08, 0.0), fist, 0.3),
+        HandWaypoint("enter", at(TIP_X, 0.02, 0.0), fist, 0.6),
+        HandWaypoint("insert", at(TIP_X, -DEPTH, 0.0), fist, 1.2),
+        HandWaypoint("lever", at(-0.028, -0.028, 45.0), fist, 1.2),
+        HandWaypoint("tear", at(-0.031, -0.020, 53.0), fist, 1.0),
+        HandWaypoint("raise", at(*rise), fist, 1.0),
+        HandWaypoint("hook", at(*rise), hook, 0.6),
+        HandWaypoint("pinch", at(*rise), pinch, 0.6),
+    ]
+    X_rise, steps = at(*rise), 8
+    turned = [_about_hinge(X_rise, hinge_distance, turn * (k + 1) / steps) for k in range(steps)]
+    turns = [HandWaypoint("turn", X, pinch, 0.35) for X in turned]
+    X_end = turned[-1]
+    u = X_end[:3, :3] @ hand_kinematics("right").tip_poses(fist)[0][:3, 0]
+    leave = [
+        HandWaypoint("let go", X_end, _hook(0.85, 0.8), 0.5),
+        HandWaypoint("fold", X_end, fist, 0.5),
+        HandWaypoint("withdraw", transform(-0.05 * u) @ X_end, fist, 0.8),
+        HandWaypoint("leave", transform(-0.12 * u) @ X_end, fist, 0.8),
+    ]
+    return (*loose, *turns, *leave)
+
+
+def _hook(flex: float, pip: float) -> Vector:
+    """Return the thumb opposed and fore and middle bent over the lid, the ring folded."""
+    q = thumb_out()
+    for finger in ("fore", "middle"):
+        q[finger_slice(finger)] = (0.0, flex, pip)
+    return q
+
+
+def _about_hinge(X_opening_palm: Matrix, hinge_distance: float, angle: float) -> Matrix:
+    """Return a palm pose turned with the lid by an angle (rad) about its hinge; positive opens."""
+    hinge = transform((-hinge_distance, 0.0, 0.0))
+    turn = transform(R=axis_rotation(np.array([0.0, -1.0, 0.0]), angle))
+    return hinge @ turn @ transform((hinge_distance, 0.0, 0.0)) @ X_opening_palm

@@ -15,8 +15,8 @@ from preshape.control.work import Work
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, transform
 from preshape.hal.world import FACES, Face, face_normal, opposite
-from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.air_pose import AirPlace, air_pose, upper_face
+from preshape.planner.arm_capsules import HeldBox
 
 PREGRASP_M = 0.14
 """Height of the palm above its grasp pose at which the field takes over, m."""

@@ -22,7 +22,6 @@ from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.arm_path import PathStatus, plan_path
 from preshape.planner.arm_reach import ReachQuery, ReachStatus, reach
 
-
 CLEARANCE_M = 0.020
 """Clearance that chosen arm postures keep from everything they must not touch, m."""
 
@@ -67,14 +66,10 @@ class Work:
         """Return arm joints (7) for a palm pose near a posture (default: as asked now), or None if out of reach."""
         near = self.body.asked_arm(side) if near is None else near
         query = ReachQuery(margin_m=CLEARANCE_M)
-        found = reach(
-            side, self.cell.X_world_base[side], X_world_palm, model, self.body.asked_arms(), query, near=near
-        )
+        found = reach(side, self.cell.X_world_base[side], X_world_palm, model, self.body.asked_arms(), query, near=near)
         return found.q if found.status is ReachStatus.REACHABLE else None
 
-    def travel(
-        self, side: Side, q: Vector, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()
-    ) -> Motion:
+    def travel(self, side: Side, q: Vector, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()) -> Motion:
         """Bring one arm to joint angles (7) on a path free of coarse collisions; `TaskFailed` if there is none."""
         goal = self.body.asked_arms()
         start = goal.copy()

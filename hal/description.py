@@ -80,7 +80,12 @@ def _box_inertia(mass: float, half: Matrix) -> Matrix:
 
 
 def _add_link(
-    robot: ElementTree.Element, name: str, X_link_shape: Matrix, geometry: tuple[str, dict[str, str]], mass: float, half: Matrix
+    robot: ElementTree.Element,
+    name: str,
+    X_link_shape: Matrix,
+    geometry: tuple[str, dict[str, str]],
+    mass: float,
+    half: Matrix,
 ) -> None:
     link = ElementTree.SubElement(robot, "link", name=name)
     inertial = ElementTree.SubElement(link, "inertial")
@@ -88,7 +93,12 @@ def _add_link(
     ElementTree.SubElement(inertial, "mass", value=str(mass))
     moments = np.maximum(_box_inertia(mass, half), 1e-6)
     ElementTree.SubElement(
-        inertial, "inertia", ixy="0", ixz="0", iyz="0", **{key: repr(float(m)) for key, m in zip(("ixx", "iyy", "izz"), moments, strict=True)}
+        inertial,
+        "inertia",
+        ixy="0",
+        ixz="0",
+        iyz="0",
+        **{key: repr(float(m)) for key, m in zip(("ixx", "iyy", "izz"), moments, strict=True)},
     )
     for purpose in ("visual", "collision"):
         element = ElementTree.SubElement(link, purpose)
@@ -97,7 +107,13 @@ def _add_link(
 
 
 def _add_joint(
-    robot: ElementTree.Element, name: str, parent: str, child: str, X: Matrix, axis: Matrix | None = None, limits: dict[str, float] | None = None
+    robot: ElementTree.Element,
+    name: str,
+    parent: str,
+    child: str,
+    X: Matrix,
+    axis: Matrix | None = None,
+    limits: dict[str, float] | None = None,
 ) -> ElementTree.Element:
     joint = ElementTree.SubElement(robot, "joint", name=name, type="fixed" if axis is None else "revolute")
     _origin(joint, X)
@@ -150,7 +166,12 @@ def _add_hand(robot: ElementTree.Element, side: Side) -> None:
             half = half[[1, 2, 0]]
         _add_link(robot, f"{side}_{part}", X, geometry, mass, half)
     for joint in sah_hand.JOINTS:
-        limits = {"lower": joint.lower, "upper": joint.upper, "velocity": sah_hand.VELOCITY_LIMIT, "effort": joint.torque}
+        limits = {
+            "lower": joint.lower,
+            "upper": joint.upper,
+            "velocity": sah_hand.VELOCITY_LIMIT,
+            "effort": joint.torque,
+        }
         element = _add_joint(
             robot, f"{side}_{joint.name}", f"{side}_{joint.parent}", f"{side}_{joint.child}",
             hand_joint_origin(side, joint), joint_axis(side, joint.axis), limits,

@@ -85,16 +85,29 @@ POSITION_RESOLUTION = np.deg2rad(0.1)
 """Resolution of every joint angle, rad (DLR Hand II, as a proxy)."""
 
 
-def _finger(name: str, parent: str, xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> list[HandJoint]:
+def _finger(
+    name: str, parent: str, xyz: tuple[float, float, float], rpy: tuple[float, float, float]
+) -> list[HandJoint]:
     """Return the abduction, flexion, middle and coupled distal joint of one finger."""
     z = (0.0, 0.0, 1.0)
     straight = (0.0, 0.0, 0.0)
     return [
         HandJoint(f"{name}_abd", parent, f"{name}_base", xyz, rpy, z, -0.2618, 0.2618, 1.3),
-        HandJoint(f"{name}_flex", f"{name}_base", f"{name}_prox", straight, (np.pi / 2, 0.0, 0.0), z, -0.0698, 1.309, 1.3),
+        HandJoint(
+            f"{name}_flex", f"{name}_base", f"{name}_prox", straight, (np.pi / 2, 0.0, 0.0), z, -0.0698, 1.309, 1.3
+        ),
         HandJoint(f"{name}_pip", f"{name}_prox", f"{name}_mid", (0.0678, 0.0, 0.0), straight, z, 0.0698, 1.309, 0.9),
         HandJoint(
-            f"{name}_dip", f"{name}_mid", f"{name}_dist", (0.030, 0.0, 0.0), straight, z, 0.0698, 1.309, 0.9, f"{name}_pip"
+            f"{name}_dip",
+            f"{name}_mid",
+            f"{name}_dist",
+            (0.030, 0.0, 0.0),
+            straight,
+            z,
+            0.0698,
+            1.309,
+            0.9,
+            f"{name}_pip",
         ),
     ]
 

@@ -56,7 +56,8 @@ class NominalBox:
 @dataclass(frozen=True, slots=True)
 class Opening:
     """An opening area: the face, the long edge of it where the tab lies (as the face beyond that edge), and
-    the tab centre's offset from the middle along the long axis, m."""
+    the tab centre's offset from the middle along the long axis, m.
+    """
 
     face: Face
     edge: Face

@@ -59,7 +59,9 @@ def all_components(long_axis: int) -> tuple[Component, ...]:
     Those with the palm on an end cap come first.
     """
     a, b, c, d = long_faces(long_axis)
-    pairs = (((a, b), (c, d)), ((c, d), (a, b)))
+    one: tuple[Face, Face] = (a, b)
+    two: tuple[Face, Face] = (c, d)
+    pairs = ((one, two), (two, one))
     ends = zip((0, SECTIONS - 1), end_caps(long_axis), strict=True)
     on_caps = [Component(section, cap, pair) for section, cap in ends for pair, _ in pairs]
     around = [Component(s, palm, pair) for s in range(SECTIONS) for pair, beside in pairs for palm in beside]

@@ -80,12 +80,16 @@ def add_paper_box(spec: mujoco.MjSpec, scenario: Scenario, X_world_box: Matrix) 
     _add_shell(box, scenario, scenario.box.mass_kg - panels, friction)
 
     lid = _add_child(box, "lid", frame.X_box_lid)
-    _add_hinge(lid, "lid", (0, -1, 0), LID_RANGE, strengths.crease_nm_per_rad * strengths.scale, strengths.crease_yield_rad)
+    _add_hinge(
+        lid, "lid", (0, -1, 0), LID_RANGE, strengths.crease_nm_per_rad * strengths.scale, strengths.crease_yield_rad
+    )
     _add_lid_panels(lid, frame, panels - tab_mass, friction)
 
     X_lid_tab = transform((frame.depth - frame.tab_depth, frame.tab_offset, 0.0))
     tab = _add_child(lid, "tab", X_lid_tab)
-    _add_hinge(tab, "tab", (0, 1, 0), TAB_RANGE, strengths.crease_nm_per_rad * strengths.scale / 2, strengths.crease_yield_rad)
+    _add_hinge(
+        tab, "tab", (0, 1, 0), TAB_RANGE, strengths.crease_nm_per_rad * strengths.scale / 2, strengths.crease_yield_rad
+    )
     size = (frame.tab_depth / 2 - 0.0005, frame.tab_half_length - 0.0005, WALL / 2)
     _add_panel(tab, "tab", (frame.tab_depth / 2, 0.0, -WALL / 2), size, tab_mass, friction)
     for name in ("lid", "tab"):
@@ -139,7 +143,9 @@ def _add_shell(box: mujoco.MjsBody, scenario: Scenario, mass: float, friction: f
     for (face, center, size), volume in zip(walls, volumes, strict=True):
         _add_panel(box, f"box_{face}", center, size, 0.6 * mass * volume / volumes.sum(), friction)
     content = np.array(scenario.box.center_of_mass_m)
-    weight = box.add_geom(name="box_content", type=mujoco.mjtGeom.mjGEOM_BOX, pos=content, size=half * 0.3, mass=0.4 * mass)
+    weight = box.add_geom(
+        name="box_content", type=mujoco.mjtGeom.mjGEOM_BOX, pos=content, size=half * 0.3, mass=0.4 * mass
+    )
     weight.contype = weight.conaffinity = 0
     weight.group = 4
 

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from preshape.control.box_opening import BoxOpening
-from preshape.control.field import FieldOptions
-from preshape.control.loop import ControlLoop, LoopConfig
-from preshape.control.observer import Observers
-from preshape.hal.gate import SafetyGate
-from preshape.hal.gate_config import GateConfig
 from preshape.hal.transform import Matrix
-from preshape.hal.world import Opening
 from preshape.sim_backend.camera import SceneCamera, box_surface, window_around
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock
 from preshape.sim_backend.scenario import Scenario
-from preshape.sim_backend.scene import camera_model, nominal_box, workcell
+from preshape.sim_backend.scene import camera_model
 from preshape.sim_backend.sensors import SceneSensors
 from preshape.sim_backend.simulation import Simulation
-from preshape.sim_backend.texture import face_textures, texture_library
+from preshape.sim_backend.texture import face_textures
 
 
 @dataclass(slots=True, eq=False)
