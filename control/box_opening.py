@@ -22,7 +22,7 @@ from preshape.control.task_open import enter, play
 from preshape.control.task_regrasp import regrasp
 from preshape.control.task_show import find_opening_area
 from preshape.control.work import Work
-from preshape.hal.layout import SIDES
+from preshape.hal.layout import SIDES, Side
 from preshape.hal.state import RobotState, Vector
 from preshape.hal.tick_record import TickRecord, note_progress
 from preshape.hal.transform import Matrix
@@ -70,7 +70,7 @@ class BoxOpening:
         """Build everything; nothing moves before `step`."""
         body = Body(cell, period_s)
         sight = Sight(perception, body)
-        hands = {side: Hand(side, body) for side in SIDES}
+        hands: dict[Side, Hand] = {side: Hand(side, body) for side in SIDES}
         self.work = Work(cell, box, library, body, sight, hands)
         self.guide = FieldGuide(body, sight, box, options or FieldOptions())
         self.tasks = [TaskLog(number + 1, name) for number, name in enumerate(TASK_NAMES)]
@@ -129,7 +129,7 @@ class BoxOpening:
         likely: Face | None = None
         yield from self._task(1, lambda: grasp_box(work, self.guide, likely, self._place))
         first = shown_face(work.grips["right"])
-        faces = (first, *(face for face in work.box.candidate_faces if face != first))
+        faces: tuple[Face, ...] = (first, *(face for face in work.box.candidate_faces if face != first))
         end = self._held_end()
         yield from self._task(2, lambda: find_opening_area(work, faces, end, self._place))
         if work.opening is not None and work.seen_at is not None:

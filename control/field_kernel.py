@@ -226,7 +226,7 @@ def _one_body(
         member = parts.member[work.part[j]]
         _apply(
             tree, poses, palm, parts.first_joint[hand], palm + work.part[j], work.point[j], f,
-            gains.base[hand, member, body], gains.joints[hand, member, body],
+            float(gains.base[hand, member, body]), float(gains.joints[hand, member, body]),
             results.wrench[hand], results.torque[hand],
         )  # fmt: skip
 

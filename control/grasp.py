@@ -13,7 +13,7 @@ from enum import Enum
 import numpy as np
 
 from preshape.control.grips import Grip, Stage
-from preshape.control.touch import TouchSense
+from preshape.control.touch import Flags, TouchSense
 from preshape.hal.layout import HAND_DOF, LAYOUT, finger_slice
 from preshape.hal.state import Vector
 
@@ -102,7 +102,7 @@ class Grasp:
             self._let_go(dt)
         return self._target.copy(), self._limits(usable)
 
-    def _close_on(self, dt: float, torque: Vector, usable: Vector) -> None:
+    def _close_on(self, dt: float, torque: Vector, usable: Flags) -> None:
         stage = self.grip.stages[self._stage]
         self._elapsed += dt
         share = min(1.0, self._elapsed / stage.seconds) if np.isfinite(stage.angles).any() else 1.0
@@ -116,7 +116,7 @@ class Grasp:
         if self._stage_done(stage, driven, torque):
             self._next_stage()
 
-    def _meet(self, dt: float, stage: Stage, driven: Vector) -> None:
+    def _meet(self, dt: float, stage: Stage, driven: Flags) -> None:
         """Turn every driven joint that has not touched yet towards the object; those that have, wait."""
         going = driven & ~self._touch.touching
         step = np.sign(np.nan_to_num(stage.torques)) * CLOSING_SPEED * dt
@@ -126,11 +126,11 @@ class Grasp:
             self.status = GraspStatus.MISSED
             self.reason = "has closed without meeting the box"
 
-    def _drive(self, dt: float, torque: Vector, goal: Vector, joints: Vector, speed: float) -> None:
+    def _drive(self, dt: float, torque: Vector, goal: Vector, joints: Flags, speed: float) -> None:
         step = np.clip(TIGHTENING_GAIN * (np.nan_to_num(goal) - torque), -speed, speed) * dt
         self._target[joints] = np.clip(self._target + step, self._lower, self._upper)[joints]
 
-    def _stage_done(self, stage: Stage, driven: Vector, torque: Vector) -> bool:
+    def _stage_done(self, stage: Stage, driven: Flags, torque: Vector) -> bool:
         if stage.touch:
             return bool(self._touch.touching[driven].all())
         if np.isfinite(stage.angles).any() and self._elapsed < stage.seconds:
@@ -146,14 +146,14 @@ class Grasp:
             self.status = GraspStatus.HOLDING
             self._creep = self._target.copy()
 
-    def _keep(self, dt: float, position: Vector, torque: Vector, usable: Vector) -> None:
+    def _keep(self, dt: float, position: Vector, torque: Vector, usable: Flags) -> None:
         driven = np.isfinite(self.grip.torques)
         self._press(dt, torque, usable)
         if np.any(np.abs(self._target - self._creep)[driven] > MOST_TRAVEL):
             self.status = GraspStatus.SLIPPED
             self.reason = "has closed further than a held box allows"
 
-    def _press(self, dt: float, torque: Vector, usable: Vector) -> None:
+    def _press(self, dt: float, torque: Vector, usable: Flags) -> None:
         """Close or open opposed fingers together by their common lack of torque; what they share is left stiff.
 
         Driving each to its own goal would let the object float between them: any load would push it along.
@@ -175,7 +175,7 @@ class Grasp:
         if np.abs(left).max() < 1e-3:
             self.status = GraspStatus.OPEN
 
-    def _limits(self, usable: Vector) -> Vector:
+    def _limits(self, usable: Flags) -> Vector:
         """Return the torque limits; a joint whose sensor says nothing may not use more than its goal."""
         goal = np.abs(np.nan_to_num(self.grip.torques, nan=np.inf))
         return np.where(usable, self._torque_limit, np.minimum(self._torque_limit, np.maximum(goal, 0.2)))

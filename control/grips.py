@@ -23,7 +23,7 @@ INSERT_X = 0.021
 """The same while the hand comes: the box's middle between fingers and thumb, m."""
 CAP_Z = 0.176
 """Distance along palm z of the end cap from the palm's origin, m."""
-BRACE_Y = 0.020
+BRACE_Y = 0.0155
 """How far towards the thumb's side the box's middle lies in a brace grip, m."""
 GRASP_WIDTHS = (0.070, 0.100)
 """Widths between finger and thumb faces that these grips suit, m."""
@@ -46,7 +46,7 @@ class Stage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grip:
-    """A grip: the palm's poses in the box's frame (held, and while it comes), finger angles (13) before closing, stages, and holding torques.
+    """A grip: palm poses in the box's frame (held, and while it comes), finger angles (13) before closing, stages.
 
     `torques` (13), N m: goals of the driven joints, nan where the joint keeps its angle. `opposed` names the
     pairs of fingers that press against each other: their torques are kept by closing or opening both together.
@@ -107,7 +107,7 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
     `ValueError` when a width does not suit the hand.
     """
     _check_width(size, finger_face, GRASP_WIDTHS, "width between thumb and middle finger")
-    beside = next(f for f in FACES if f[1] not in (end[1], finger_face[1]))
+    beside: Face = next(f for f in FACES if f[1] not in (end[1], finger_face[1]))
     _check_width(size, beside, CLAMP_WIDTHS, "width between fore and ring finger")
     out = {finger: _outward(finger) for finger in ("fore", "ring")}
     preshape = _joints(
@@ -145,7 +145,7 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side) -> Grip:
         raise ValueError(f"opening_face: got {opening_face}, allowed is a face perpendicular to {end}")
     # Left hand: y = -n, z = -n_end, so x = y x z = n x n_end. The right hand's ring lies at -y.
     x = np.cross(n_open, n_end) * (1.0 if side == "left" else -1.0)
-    finger_face = max(FACES, key=lambda face: float(face_normal(face) @ -x))
+    finger_face: Face = max(FACES, key=lambda face: float(face_normal(face) @ -x))
     _check_width(size, finger_face, GRASP_WIDTHS, "width between thumb and fingers")
     out = _outward("ring")
     preshape = _joints(

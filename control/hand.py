@@ -22,7 +22,8 @@ class Hand:
 
     def __init__(self, side: Side, body: Body) -> None:
         """Start without a grasp."""
-        self.side, self._body = side, body
+        self.side: Side = side
+        self._body = body
         self._grasp: Grasp | None = None
 
     def update(self) -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import placo
+import placo  # pyright: ignore[reportMissingImports]
 from numpy.typing import ArrayLike
 
 from preshape.hal.description import ARM_BASE, robot_urdf

@@ -19,7 +19,7 @@ from preshape.planner.hand_kinematics import hand_kinematics
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandWaypoint:
-    """One leg: where the palm goes, the 13 finger angles (rad), how long it takes, and which joints are driven to torques.
+    """One leg: where the palm goes, the 13 finger angles (rad), how long it takes, which joints follow torques.
 
     `torque_goal` (13), N m: nan where the joint keeps its angle.
     """

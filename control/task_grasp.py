@@ -53,7 +53,7 @@ def glance(work: Work) -> Face | None:
     if decision.verdict is Verdict.FOUND and decision.match is not None:
         return decision.match.opening.face
     seen = set(decision.faces) if decision.verdict is Verdict.NOT_HERE else set()
-    left = [face for face in work.box.candidate_faces if face not in seen]
+    left: list[Face] = [face for face in work.box.candidate_faces if face not in seen]
     return left[0] if len(left) == 1 else None
 
 
@@ -67,7 +67,9 @@ def choose_grip(work: Work, likely: Face | None, place: AirPlace) -> GraspChoice
     X_world_box = work.sight.X_world_box
     caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
     end = upper_face(X_world_box, caps)
-    beside = [f for f in FACES if f[1] != end[1] and f not in work.box.candidate_faces and opposite(f) in FACES]
+    beside: list[Face] = [
+        f for f in FACES if f[1] != end[1] and f not in work.box.candidate_faces and opposite(f) in FACES
+    ]
     choices: list[tuple[float, GraspChoice]] = []
     causes: list[str] = []
     for finger_face in beside:
@@ -127,8 +129,8 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
         work.phase = phase
 
     yield from approach(
-        guide, work.body, work.sight, "right", back_off(choice.grip.X_box_palm_insert, STANDOFF_M), choice.grip.preshape,
-        note=note,
+        guide, work.body, work.sight, "right", back_off(choice.grip.X_box_palm_insert, STANDOFF_M),
+        choice.grip.preshape, note=note,
     )  # fmt: skip
     work.phase = "insert"
     yield from insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm_insert, choice.grip.preshape)

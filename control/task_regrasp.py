@@ -40,8 +40,8 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
         work.phase = phase
 
     yield from approach(
-        guide, body, work.sight, "left", back_off(grip.X_box_palm_insert, STANDOFF_M), grip.preshape, carrier=work.carrier,
-        note=note,
+        guide, body, work.sight, "left", back_off(grip.X_box_palm_insert, STANDOFF_M), grip.preshape,
+        carrier=work.carrier, note=note,
     )  # fmt: skip
     work.phase = "insert"
     yield from insert(guide, body, work.sight, "left", grip.X_box_palm_insert, grip.preshape)

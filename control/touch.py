@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from preshape.hal.layout import HAND_DOF
 from preshape.hal.state import Vector
+
+Flags = NDArray[np.bool_]
 
 TOUCH_NM = 0.08
 """Residual above which a joint has met something, N m."""
@@ -22,8 +25,8 @@ class TouchSense:
 
     def __init__(self) -> None:
         """Start untouched."""
-        self.touching: Vector = np.zeros(HAND_DOF, dtype=np.bool_)
-        self.frozen: Vector = np.zeros(HAND_DOF, dtype=np.bool_)
+        self.touching: Flags = np.zeros(HAND_DOF, dtype=np.bool_)
+        self.frozen: Flags = np.zeros(HAND_DOF, dtype=np.bool_)
         self._bias = np.zeros(HAND_DOF)
         self._samples = 0
         self._over = np.zeros(HAND_DOF, dtype=np.int64)

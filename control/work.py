@@ -50,7 +50,7 @@ class Work:
         obstacles: list[OrientedBox] = list(self.sight.obstacles)
         if held is None and self.sight.estimate is not None:
             obstacles.append(OrientedBox("box", self.sight.X_world_box, self.box.size / 2))
-        q_hands = {side: self.body.asked_fingers(side) for side in SIDES}
+        q_hands: dict[Side, Vector] = {side: self.body.asked_fingers(side) for side in SIDES}
         return ArmCollision(self.cell, q_hands, held, tuple(obstacles), exempt)
 
     def _held(self) -> HeldBox | None:

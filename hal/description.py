@@ -92,14 +92,8 @@ def _add_link(
     _origin(inertial, X_link_shape)
     ElementTree.SubElement(inertial, "mass", value=str(mass))
     moments = np.maximum(_box_inertia(mass, half), 1e-6)
-    ElementTree.SubElement(
-        inertial,
-        "inertia",
-        ixy="0",
-        ixz="0",
-        iyz="0",
-        **{key: repr(float(m)) for key, m in zip(("ixx", "iyy", "izz"), moments, strict=True)},
-    )
+    ixx, iyy, izz = (repr(float(moment)) for moment in moments)
+    ElementTree.SubElement(inertial, "inertia", ixy="0", ixz="0", iyz="0", ixx=ixx, iyy=iyy, izz=izz)
     for purpose in ("visual", "collision"):
         element = ElementTree.SubElement(link, purpose)
         _origin(element, X_link_shape)

@@ -49,7 +49,7 @@ def inverse(X: Matrix) -> Matrix:
 
 
 def hat(w: ArrayLike) -> Matrix:
-    """Return the skew matrix with hat(w) v = w x v."""
+    """Return the skew matrix W of a vector w (3,): W v = w x v."""
     x, y, z = np.asarray(w, float)
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 

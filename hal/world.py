@@ -55,8 +55,10 @@ class NominalBox:
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """An opening area: the face, the long edge of it where the tab lies (as the face beyond that edge), and
-    the tab centre's offset from the middle along the long axis, m.
+    """An opening area.
+
+    `face` carries it; `edge` is the long edge where the tab lies, named by the face beyond it; `offset` is the
+    tab centre's distance from the middle along the long axis, m.
     """
 
     face: Face
@@ -66,7 +68,7 @@ class Opening:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraModel:
-    """A pinhole camera: pose (z forward, x right, y down), focal length and size in pixels, principal point at the centre."""
+    """A pinhole camera: pose (z forward, x right, y down), focal length and size, px; principal point in the middle."""
 
     X_world_camera: Matrix
     focal_px: float

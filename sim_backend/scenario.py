@@ -23,7 +23,7 @@ class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Base of every table of a scenario: frozen, keyword-only, unknown keys refused."""
 
 
-class BoxSection(Section):
+class BoxSection(Section, frozen=True):
     """The paper box: outer size along its own x, y, z, physical properties and where it lies."""
 
     size_m: tuple[Length, Length, Length] = (0.06, 0.09, 0.20)
@@ -35,7 +35,7 @@ class BoxSection(Section):
     rest_face: Face = "-z"
 
 
-class OpeningSection(Section):
+class OpeningSection(Section, frozen=True):
     """Where the box opens: the face, the long edge with the tab, the tab's offset along that edge."""
 
     face: Face = "+x"
@@ -46,7 +46,7 @@ class OpeningSection(Section):
     tab_depth_m: Length = 0.040
 
 
-class StrengthsSection(Section):
+class StrengthsSection(Section, frozen=True):
     """What the box withstands: the contracted table, and one factor on all of it for studies."""
 
     tab_n: NonNegative = 1.5
@@ -59,7 +59,7 @@ class StrengthsSection(Section):
     scale: Annotated[float, msgspec.Meta(gt=0.0, le=10.0)] = 1.0
 
 
-class TableSection(Section):
+class TableSection(Section, frozen=True):
     """The table: its top at z = 0."""
 
     x_m: Range = (0.15, 0.95)
@@ -67,7 +67,7 @@ class TableSection(Section):
     thickness_m: Length = 0.05
 
 
-class ObstacleSection(Section):
+class ObstacleSection(Section, frozen=True):
     """A box in the way: there from `appears_s` on, moving with a constant velocity from then."""
 
     name: str
@@ -78,7 +78,7 @@ class ObstacleSection(Section):
     velocity_m_per_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class CameraSection(Section):
+class CameraSection(Section, frozen=True):
     """The camera: where it stands, what it looks at, its lens."""
 
     position_m: Point = (0.05, 0.0, 0.75)
@@ -88,14 +88,14 @@ class CameraSection(Section):
     height_px: Annotated[int, msgspec.Meta(ge=48, le=1200)] = 720
 
 
-class ArmsSection(Section):
+class ArmsSection(Section, frozen=True):
     """Where both arms stand."""
 
     right_base_m: Point = (0.0, -0.40, 0.10)
     left_base_m: Point = (0.0, 0.40, 0.10)
 
 
-class PerceptionSection(Section):
+class PerceptionSection(Section, frozen=True):
     """Errors of the pose estimate: white noise, a bias of its own size drawn per seed, delay, rate.
 
     `startup_bias_m` is added along a drawn direction until `startup_s`.
@@ -111,7 +111,7 @@ class PerceptionSection(Section):
     startup_s: NonNegative = 0.0
 
 
-class DisturbanceSection(Section):
+class DisturbanceSection(Section, frozen=True):
     """Kicks at the held box's centre: `force_n` in a drawn direction for `duration_s`, once in each task listed."""
 
     kick_force_n: NonNegative = 0.0
@@ -119,7 +119,7 @@ class DisturbanceSection(Section):
     kick_tasks: tuple[Annotated[int, msgspec.Meta(ge=1, le=5)], ...] = ()
 
 
-class DrawSection(Section):
+class DrawSection(Section, frozen=True):
     """What a seed draws: uniform in +- or in ranges; an absent field keeps the value of its table."""
 
     position_m: NonNegative = 0.0
@@ -131,7 +131,7 @@ class DrawSection(Section):
     edges: bool = False
 
 
-class Scenario(Section):
+class Scenario(Section, frozen=True):
     """One world and its draws."""
 
     name: str
@@ -179,12 +179,12 @@ class Scenario(Section):
 def edges_of(size_m: tuple[float, float, float], face: Face) -> tuple[Face, Face]:
     """Return the two faces beyond the long edges of a face (those parallel to the box's longest edge)."""
     long_axis = "xyz"[int(np.argmax(size_m))]
-    a, b = (f for f in FACES if f[1] not in (face[1], long_axis))
-    return a, b
+    edges: list[Face] = [f for f in FACES if f[1] not in (face[1], long_axis)]
+    return edges[0], edges[1]
 
 
 def same_side_edge(size_m: tuple[float, float, float], face: Face, edge: Face, other: Face) -> Face:
-    """Return the edge of face `other` that lies, seen from outside with the long axis up, where `edge` lies on `face`."""
+    """Return the edge of `other` that lies, seen from outside with the long axis up, where `edge` lies on `face`."""
     long_axis = np.eye(3)[int(np.argmax(size_m))]
 
     def side(of: Face, at: Face) -> float:

@@ -29,7 +29,7 @@ def rest_rotation(scenario: Scenario) -> Matrix:
 def initial_box_pose(scenario: Scenario) -> Matrix:
     """Return X_world_box at the start: resting on the table at its position."""
     height = abs(face_normal(scenario.box.rest_face) @ np.array(scenario.box.size_m)) / 2
-    return transform((*scenario.box.position_m, height), rest_rotation(scenario))
+    return transform(np.array([*scenario.box.position_m, height]), rest_rotation(scenario))
 
 
 def camera_model(scenario: Scenario) -> CameraModel:
