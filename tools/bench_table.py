@@ -1,0 +1,73 @@
+"""Which benchmarks there are, where each lives, and what its figures must be. Imports nothing heavy."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, cast
+
+Figures = Mapping[str, float]
+UNITS = ("us_per_pair", "us", "ms", "mm", "rad", "share")
+"""Units that figures' names may end in; what is a ratio or a count has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """What a figure must be at least or at most."""
+
+    kind: Literal[">=", "<="]
+    value: float
+
+    def met(self, figure: float) -> bool:
+        """Return whether a figure is on the right side; NaN never is."""
+        return figure >= self.value if self.kind == ">=" else figure <= self.value
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.value:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """One benchmark: module and function in `preshape.tools`, what it measures, and bars by figure."""
+
+    module: str
+    function: str
+    summary: str
+    bars: Mapping[str, Bar]
+
+    def run(self) -> Figures:
+        """Import and run it; figures by name."""
+        function = cast(Callable[[], Figures], getattr(importlib.import_module(self.module), self.function))
+        return function()
+
+
+BENCHES: dict[str, Bench] = {
+    "tick": Bench(
+        "preshape.tools.bench_tick",
+        "bench_tick",
+        "one control tick of both arms and hands, stage by stage",
+        {"tick_us": Bar("<=", 900.0), "scipy_lp_over_l1": Bar(">=", 1000.0)},
+    ),
+    "distances": Bench(
+        "preshape.tools.bench_distances",
+        "bench_distances",
+        "box distances beside scipy's LP and mj_geomDistance",
+        {"scipy_lp_over_l1": Bar(">=", 1000.0)},
+    ),
+    "field": Bench(
+        "preshape.tools.bench_field", "bench_field", "the field of both hands, every switch, far and near", {}
+    ),
+    "preshape": Bench(
+        "preshape.tools.bench_preshape",
+        "bench_preshape",
+        "the preshape QP on random boxes",
+        {"solved_share": Bar(">=", 0.99), "kkt_share": Bar(">=", 1.0), "median_ms": Bar("<=", 3.0)},
+    ),
+}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that a figure's name ends in, or an empty text."""
+    unit = next((unit for unit in UNITS if name.endswith(f"_{unit}")), "")
+    return {"us_per_pair": "us a pair", "share": "of 1"}.get(unit, unit)
