@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from preshape.hal.clock import MonotonicClock
 from preshape.hal.device import DeviceUnreachable
 from preshape.hal.layout import LAYOUT
-from preshape.hal.state import DeviceStatus, RobotCommand, RobotState
+from preshape.hal.state import DeviceStatus, RobotCommand, RobotState, Vector
 from preshape.hal.transform import Matrix
 from preshape.hal.world import Face, Image, OrientedBox, PoseSample
 from preshape.sim_backend.device import WATCHDOG_CYCLES, is_finite
@@ -95,6 +95,11 @@ class PacedDevice:
         """Connect; nothing moves."""
         self._line.ask(Open())
         self._sequence = -1
+
+    @property
+    def scene_positions(self) -> Vector:
+        """Positions (nq,) of everything in the scene at the last `read`: for pictures, not for control."""
+        return self._last[0]["qpos"]
 
     def read(self, now_ns: int) -> RobotState:
         """Return the newest published sample."""

@@ -1,0 +1,49 @@
+"""What is kept of a run, tick by tick, to draw it afterwards: records for plots, snapshots for the storyboard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from preshape.hal.state import Vector
+from preshape.hal.tick_record import TickRecord, text_of
+from preshape.hal.world import NominalBox, Workcell
+from preshape.tools.rerun_recording import RerunRecording
+from preshape.tools.storyboard import StoryboardRecorder
+
+
+class StoryboardObserver:
+    """Feeds a storyboard from the loop; times count from the first tick."""
+
+    def __init__(self, positions: Callable[[], Vector]) -> None:
+        """Take the scene's positions (nq,) from `positions`."""
+        self.recorder = StoryboardRecorder()
+        self._positions = positions
+        self._start_ns: int | None = None
+
+    def notify(self, record: TickRecord) -> None:
+        """Take note of one tick."""
+        now_ns = int(record["now_ns"])
+        if self._start_ns is None:
+            self._start_ns = now_ns
+        task, phase = int(record["task"]), text_of(record, "phase")
+        if task:
+            self.recorder.feed((now_ns - self._start_ns) * 1e-9, task, phase, self._positions())
+
+
+class Evidence:
+    """The observers of one run that keep something; either may be missing."""
+
+    def __init__(self) -> None:
+        """Keep nothing yet."""
+        self.recording: RerunRecording | None = None
+        self.storyboard: StoryboardObserver | None = None
+
+    def keep_records(self, workcell: Workcell, box: NominalBox) -> RerunRecording:
+        """Return the observer for the recording and the plots."""
+        self.recording = RerunRecording(workcell, box)
+        return self.recording
+
+    def keep_pictures(self, positions: Callable[[], Vector]) -> StoryboardObserver:
+        """Return the observer for the storyboard."""
+        self.storyboard = StoryboardObserver(positions)
+        return self.storyboard

@@ -1,0 +1,80 @@
+"""Why a run is no success: one task, one cause, from what the loop, the controller and the referee say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from preshape.control.loop_result import LoopOutcome, LoopResult
+from preshape.sim_backend.referee_report import TASK_NAMES, Verdict
+
+LOOP_CAUSES = {
+    LoopOutcome.TIME_UP: "timed out",
+    LoopOutcome.STOPPED: "stopped",
+    LoopOutcome.SAFETY_STOP: "safety stop",
+}
+"""How a loop's end is called when it is not the controller's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A named failure: the task in which it happened and its cause, whose words before the first colon are its class.
+
+    `also` lists everything else that the referee holds against the run.
+    """
+
+    task: int
+    cause: str
+    also: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        text = f"task {self.task} ({TASK_NAMES[self.task]}): {self.cause}"
+        return f"{text}; also {', '.join(self.also)}" if self.also else text
+
+
+def name_failure(
+    verdict: Verdict, ended: LoopResult | None, task: int, controller_failure: str | None, error: str | None
+) -> Failure | None:
+    """Return why a run failed, None for a success.
+
+    An error of the controller counts before the loop's end, that before the controller's own word, and that
+    before the referee's. `task` is what the controller was doing at last.
+    """
+    if error is not None:
+        return Failure(task, f"error: {error}", verdict.failures)
+    if ended is not None and ended.outcome in LOOP_CAUSES and not verdict.success:
+        return Failure(task, f"{LOOP_CAUSES[ended.outcome]}: {ended.reason}", verdict.failures)
+    if verdict.success:
+        return None
+    if controller_failure is not None:
+        return Failure(task, controller_failure.partition("): ")[2] or controller_failure, verdict.failures)
+    first = _first_seen(verdict)
+    return Failure(first[0], first[1], tuple(name for name in verdict.failures if not _same(name, first[1])))
+
+
+def _first_seen(verdict: Verdict) -> tuple[int, str]:
+    """Return the earliest thing that the referee holds against a run, and the task in which it happened."""
+    seen: list[tuple[float, str]] = [
+        (time_s, f"undesired contact: {link} on {geom} at {time_s:.2f} s")
+        for link, geom, time_s in verdict.undesired_contacts[:1]
+    ]
+    seen += [(verdict.events[name], f"{name}: at {verdict.events[name]:.2f} s") for name in _named(verdict)]
+    if seen:
+        time_s, cause = min(seen)
+        return _task_at(verdict, time_s), cause
+    undone = [task for task in verdict.tasks if not task.done]
+    if undone:
+        return undone[0].task, "not done: the referee does not see its end"
+    return len(TASK_NAMES), verdict.failures[0]
+
+
+def _named(verdict: Verdict) -> list[str]:
+    return [name for name, bad in (("dropped", verdict.dropped), ("crushed", verdict.crushed)) if bad]
+
+
+def _task_at(verdict: Verdict, time_s: float) -> int:
+    done = [task.task for task in verdict.tasks if task.end_s is not None and task.end_s <= time_s]
+    return min(max(done, default=0) + 1, len(TASK_NAMES))
+
+
+def _same(failure: str, cause: str) -> bool:
+    return failure.split(":")[0] == cause.split(":")[0] or (failure.startswith("task") and cause.startswith("not done"))
