@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 from preshape.hal.world import Opening
@@ -26,6 +26,8 @@ class AreaProblem:
     opening: Opening | None
     palm_on_end_caps_only: bool = False
     usable: Usable | None = None
+    _asked: dict[tuple[Hand, Task], int] = field(default_factory=dict[tuple[Hand, Task], int], repr=False)
+    """Answers of `usable`, as bits: each is asked for once, also by problems derived from this one."""
 
     @property
     def covers(self) -> Covers:
@@ -54,12 +56,19 @@ class AreaProblem:
     def allowed(self, hand: Hand, *tasks: Task) -> int:
         """Return the components that a hand may use in all these tasks, whatever the areas."""
         chosen = on_end_caps() if self.palm_on_end_caps_only else EVERY
-        if self.usable is None:
-            return chosen
-        for k, component in enumerate(all_components(self.sections.long_axis)):
-            if chosen >> k & 1 and not all(self.usable(hand, task, component) for task in tasks):
-                chosen &= ~(1 << k)
+        for task in tasks:
+            chosen &= self._usable_in(hand, task)
         return chosen
+
+    def _usable_in(self, hand: Hand, task: Task) -> int:
+        if self.usable is None:
+            return EVERY
+        found = self._asked.get((hand, task))
+        if found is None:
+            every = enumerate(all_components(self.sections.long_axis))
+            found = sum(1 << k for k, component in every if self.usable(hand, task, component))
+            self._asked[hand, task] = found
+        return found
 
     def allowed_in(self, block: Block) -> int:
         """Return the components that a grasp block's hand may use in all its tasks."""

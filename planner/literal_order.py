@@ -36,6 +36,8 @@ class GraspForest:
 
     def order(self) -> tuple[int, ...] | None:
         """Return an order of the grasps, highest priority first, that leaves each a component; None if none does."""
+        if not all(surviving(span.free) & span.allowed for span in self._spans):
+            return None
         order: list[int] = []
         for root in range(len(self._spans)):
             if root not in order:

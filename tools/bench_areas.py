@@ -1,174 +1,83 @@
-"""What areas and the search for regrasps cost on random procedures and boxes; the generators serve the tests, too."""
+"""Areas and the search for regrasps on random procedures: all against the oracle, and what each costs."""
 
 from __future__ import annotations
 
-import json
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
-from preshape.hal.world import Face, NominalBox, Opening
-from preshape.planner.area_problem import Usable
-from preshape.planner.areas import Reading, plan_areas
-from preshape.planner.component import Component, all_components
-from preshape.planner.procedure import HANDS, Block, Hand, Main, Procedure, Resource, Task, Want
-from preshape.planner.region import long_faces
-from preshape.planner.regrasp_search import fewest_regrasps
-from preshape.planner.sections import FINGER_WIDTH
+from preshape.tools.area_check import READINGS, check_case, planned_areas, planned_regrasps
+from preshape.tools.random_procedure import AreaCase, random_case
+
+SEED = 11
+_WARM_UP = 20
+_REPEATS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AreaCase:
-    """One random procedure on one random box."""
+class AreaBench:
+    """What a run found: cases, outcomes per reading, differences (none, if all is well), times in us per problem."""
 
-    procedure: Procedure
-    box: NominalBox
-    opening: Opening | None
-    palm_on_end_caps_only: bool
-    usable: Usable | None
+    cases: int
+    outcomes: dict[str, int]
+    differences: tuple[str, ...]
+    times_us: dict[str, list[float]]
 
-
-def random_box(rng: np.random.Generator) -> tuple[NominalBox, Opening | None]:
-    """Draw a box with edges of 40 to 500 mm, any of them the longest, 1 to 4 candidate faces, the opening or none."""
-    size = rng.uniform(0.04, 0.30, 3)
-    axis = int(rng.integers(3))
-    size[axis] = max(size) + rng.uniform(0.06, 0.20)
-    allowed = long_faces(axis)
-    faces: list[Face] = [allowed[k] for k in rng.permutation(4)[: rng.integers(1, 5)]]
-    tab = float(rng.uniform(0.1, 0.9) * (size[axis] - FINGER_WIDTH))
-    box = NominalBox(size, tuple(faces), tab_size=(tab, 0.04))
-    if rng.random() < 0.2:
-        return box, None
-    room = (size[axis] - FINGER_WIDTH - tab) / 2.0
-    edges = [face for face in allowed if face[1] != faces[0][1]]
-    return box, Opening(faces[0], edges[int(rng.integers(2))], float(rng.uniform(-0.95, 0.95) * room))
-
-
-def _random_holders(rng: np.random.Generator, count: int) -> list[Hand | None]:
-    holders: list[Hand | None] = [HANDS[int(rng.integers(2))]]
-    while len(holders) < count:
-        before, u = holders[-1], rng.random()
-        if before is None or u < 0.15:
-            holders.append(HANDS[int(rng.integers(2))] if before is None else None)
-        else:
-            holders.append(before if u < 0.7 else HANDS[1 - HANDS.index(before)])
-    return holders
-
-
-def _grasps(holders: list[Hand | None]) -> list[Block]:
-    """Return the grasps that the holders need: each lasts until the task in which the box is passed on."""
-    blocks: list[Block] = []
-    first = 0
-    for number in range(1, len(holders) + 1):
-        if number == len(holders) or holders[number] != holders[first]:
-            holder = holders[first]
-            if holder is not None:
-                blocks.append(Block(holder, first + 1, min(number + 1, len(holders))))
-            first = number
-    return blocks
-
-
-def _free_runs(blocks: list[Block], resource: Resource, count: int) -> list[list[int]]:
-    taken = {n for b in blocks if b.resource == resource for n in range(b.first, b.last + 1)}
-    runs: list[list[int]] = [[]]
-    for number in range(1, count + 1):
-        if number in taken:
-            runs.append([])
-        else:
-            runs[-1].append(number)
-    return [run for run in runs if run]
-
-
-def _extras(rng: np.random.Generator, blocks: list[Block], count: int) -> list[Block]:
-    """Return work at the opening, second grasps and camera searches in tasks where the resource is free."""
-    kinds: list[tuple[Resource, tuple[Want, ...], float]] = [
-        ("r", ("opening", "opening", "grasp"), 0.6),
-        ("l", ("opening", "opening", "grasp"), 0.6),
-        ("c", ("middle", "candidates", "opening"), 0.4),
-    ]
-    found: list[Block] = []
-    for resource, wants, chance in kinds:
-        for run in _free_runs(blocks, resource, count):
-            if rng.random() < chance:
-                first, last = sorted(run[k] for k in rng.integers(len(run), size=2))
-                found.append(Block(resource, first, last, wants[int(rng.integers(len(wants)))]))
-    return found
-
-
-def random_procedure(rng: np.random.Generator, tasks_max: int = 6) -> Procedure:
-    """Draw a valid procedure of 2 to `tasks_max` tasks.
-
-    Who holds the box is a random walk; free hands may work at the opening or grasp as well; a camera may search.
-    A given area's resource is main in one of its tasks four times in five.
-    """
-    count = int(rng.integers(2, tasks_max + 1))
-    holders = _random_holders(rng, count)
-    blocks = _grasps(holders)
-    blocks += _extras(rng, blocks, count)
-    mains: list[Main] = ["none"] * count
-    for block in blocks:
-        if rng.random() < (0.8 if block.want != "grasp" else 0.2):
-            mains[int(rng.integers(block.first, block.last + 1)) - 1] = block.resource
-    tasks = [Task(f"t{k + 1}", int(rng.integers(1, 4)), mains[k], holders[k]) for k in range(count)]
-    return Procedure(tuple(tasks), tuple(blocks[k] for k in rng.permutation(len(blocks))))
-
-
-def random_usable(rng: np.random.Generator, procedure: Procedure, long_axis: int, share: float) -> Usable:
-    """Draw which components each hand can use in each task, a share of all; added tasks are drawn, too."""
-    names = (*(task.name for task in procedure.tasks), *(f"regrasp {hand}" for hand in HANDS))
-    every = all_components(long_axis)
-    able: dict[tuple[Hand, str], frozenset[Component]] = {
-        (hand, name): frozenset(c for c in every if rng.random() < share) for hand in HANDS for name in names
-    }
-    return lambda hand, task, component: component in able[hand, task.name]
-
-
-def random_case(rng: np.random.Generator, tasks_max: int = 6) -> AreaCase:
-    """Draw a procedure, a box, whether palms go on end caps only (1 in 4) and what hands can use (all, or a share)."""
-    box, opening = random_box(rng)
-    procedure = random_procedure(rng, tasks_max)
-    share = float(rng.choice([1.0, 0.8, 0.5]))
-    usable = None if share == 1.0 else random_usable(rng, procedure, box.long_axis, share)
-    return AreaCase(procedure, box, opening, bool(rng.random() < 0.25), usable)
+    def lines(self) -> list[str]:
+        """Return the report, line by line."""
+        lines = [f"{self.cases} random procedures and boxes in both readings, seed {SEED}"]
+        lines += [f"  {outcome:34s} {count}" for outcome, count in sorted(self.outcomes.items())]
+        lines += [f"{'time per problem, us':36s} p50      p99      max"]
+        for name, values in self.times_us.items():
+            p50, p99 = np.percentile(values, [50, 99])
+            lines.append(f"  {name:28s} {p50:9.0f}{p99:9.0f}{max(values):9.0f}")
+        lines.append(f"differences from the oracle: {len(self.differences)}")
+        return [*lines, *(f"  {difference}" for difference in self.differences[:20])]
 
 
 def _microseconds(run: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    run()
-    return (time.perf_counter() - start) * 1e6
+    """Return the time of the quickest of a few runs: a preempted one says nothing of the code."""
+    spent: list[float] = []
+    for _ in range(_REPEATS):
+        start = time.perf_counter()
+        run()
+        spent.append((time.perf_counter() - start) * 1e6)
+    return min(spent)
 
 
-def bench_areas(count: int, seed: int = 11) -> dict[str, float]:
-    """Return median, 99 % and greatest time of areas and of the search in both readings, us, over `count` cases.
+def _timed(case: AreaCase, times: dict[str, list[float]]) -> None:
+    for reading in READINGS:
+        times[f"areas, {reading}"].append(_microseconds(lambda how=reading: planned_areas(case, how)))
+        times[f"fewest regrasps, {reading}"].append(_microseconds(lambda how=reading: planned_regrasps(case, how)))
 
-    A few cases before the run fill the tables of components and are not counted.
-    """
+
+def bench_areas(count: int = 10_000, seed: int = SEED, tasks_max: int = 6) -> AreaBench:
+    """Check and time `count` random cases; a few before the run fill the tables of components and do not count."""
     rng = np.random.default_rng(seed)
-    readings = ("literal", "committed")
-    times: dict[str, list[float]] = {f"{what}_{how}": [] for what in ("areas", "search") for how in readings}
-    for number in range(-20, count):
-        case = random_case(rng)
-        given = (case.procedure, case.box, case.opening)
-        for how in readings:
-            reading = cast(Reading, how)
-            rest = {"reading": reading, "palm_on_end_caps_only": case.palm_on_end_caps_only, "usable": case.usable}
-            spent = (
-                _microseconds(lambda g=given, r=rest: plan_areas(*g, **r)),
-                _microseconds(lambda g=given, r=rest: fewest_regrasps(*g, **r)),
-            )
-            if number >= 0:
-                times[f"areas_{how}"].append(spent[0])
-                times[f"search_{how}"].append(spent[1])
-    figures: dict[str, float] = {}
-    for name, values in times.items():
-        figures[f"{name}_p50_us"] = float(np.median(values))
-        figures[f"{name}_p99_us"] = float(np.percentile(values, 99))
-        figures[f"{name}_max_us"] = float(np.max(values))
-    return figures
+    times = {f"{what}, {reading}": list[float]() for what in ("areas", "fewest regrasps") for reading in READINGS}
+    for _ in range(_WARM_UP):
+        _timed(random_case(rng, tasks_max), {name: [] for name in times})
+    outcomes, differences = Counter[str](), list[str]()
+    for number in range(count):
+        case = random_case(rng, tasks_max)
+        _timed(case, times)
+        for reading in READINGS:
+            check = check_case(case, reading)
+            differences += [f"case {number}, {reading}: {difference}" for difference in check.differences]
+            found = "no plan" if check.regrasps is None else f"{check.regrasps} regrasps added"
+            outcomes[f"{reading}: {found}"] += 1
+    return AreaBench(count, dict(outcomes), tuple(differences), times)
+
+
+def main(count: int = 10_000) -> int:
+    """Print the report; 1 if anything differed from the oracle."""
+    bench = bench_areas(count)
+    print("\n".join(bench.lines()))
+    return 1 if bench.differences else 0
 
 
 if __name__ == "__main__":
-    print(json.dumps(bench_areas(2000), indent=1))
+    raise SystemExit(main())
