@@ -64,6 +64,15 @@ BENCHES: dict[str, Bench] = {
         "the preshape QP on random boxes",
         {"solved_share": Bar(">=", 0.99), "kkt_share": Bar(">=", 1.0), "median_ms": Bar("<=", 3.0)},
     ),
+    "areas": Bench(
+        "preshape.tools.area_figures",
+        "area_figures",
+        "areas and regrasps on random procedures, against enumeration",
+        {
+            "differences": Bar("<=", 0.0),
+            **{f"areas_{reading}_median_us": Bar("<=", 1000.0) for reading in ("literal", "committed")},
+        },
+    ),
 }
 
 
