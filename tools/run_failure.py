@@ -36,11 +36,11 @@ def name_failure(
 ) -> Failure | None:
     """Return why a run failed, None for a success.
 
-    An error of the controller counts before the loop's end, that before the controller's own word, and that
-    before the referee's. `task` is what the controller was doing at last.
+    `error`, of a run that was given up or not begun, counts before the loop's end, that before the controller's
+    own word, and that before the referee's. `task` is what the controller was doing at last.
     """
     if error is not None:
-        return Failure(task, f"error: {error}", verdict.failures)
+        return Failure(task, error)
     if ended is not None and ended.outcome in LOOP_CAUSES and not verdict.success:
         return Failure(task, f"{LOOP_CAUSES[ended.outcome]}: {ended.reason}", verdict.failures)
     if verdict.success:

@@ -22,13 +22,14 @@ from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock
 from preshape.sim_backend.referee_report import TASK_NAMES
 from preshape.sim_backend.scenario import Scenario
-from preshape.sim_backend.scene import nominal_box, workcell
+from preshape.sim_backend.scene import initial_box_pose, nominal_box, workcell
 from preshape.sim_backend.scene_perception import attach_sensors
 from preshape.sim_backend.sensors import SceneSensors
 from preshape.sim_backend.simulation import Simulation
 from preshape.sim_backend.texture import texture_library
 from preshape.tools.evidence import Evidence
 from preshape.tools.exit_codes import ExitCode
+from preshape.tools.feasibility import impossibility
 from preshape.tools.report import SCHEMA, Report, SimReport, TaskReport, loop_report, referee_report
 from preshape.tools.run_failure import name_failure
 from preshape.tools.run_options import RunOptions
@@ -57,12 +58,12 @@ def build_world(drawn: Scenario) -> World:
 
 @dataclass(slots=True, eq=False)
 class _Course:
-    """What the controller's side knows when a run is over; `error` is a defect's text, with where it arose."""
+    """What the controller's side knows when a run is over; `error` says why there is no result, `where` more."""
 
     controller: BoxOpening
     loop: ControlLoop
     start_s: float
-    wall_s: float
+    wall_s: float = 0.0
     result: LoopResult | None = None
     error: str | None = None
     where: str = ""
@@ -73,8 +74,9 @@ def run_session(
 ) -> RunResult:
     """Carry out the procedure in the world that `seed` draws from a scenario; nothing is written to disk.
 
-    `observers` are told of every tick besides those that the options ask for. An exception of the controller
-    is a failure with its text; the loop has stopped the device then.
+    `observers` are told of every tick besides those that the options ask for. What nobody could do is a failure
+    before anything moves. An exception of the controller is a failure with its text; the loop has stopped the
+    device then.
 
     Raises:
         DeviceUnreachable: the world could not be opened, or was lost.
@@ -83,12 +85,17 @@ def run_session(
     drawn = scenario.drawn(seed)
     evidence = Evidence()
     watching = Observers(observers)
-    with open_world(drawn, options.paced) as world:
-        if options.record:
-            watching.add(evidence.keep_records(workcell(drawn), nominal_box(drawn)))
-        if options.pictures:
-            watching.add(evidence.keep_pictures(world.scene_positions))
-        course = _run(world, drawn, options, watching)
+    cause = impossibility(workcell(drawn), nominal_box(drawn), initial_box_pose(drawn))
+    with open_world(drawn, options.paced and cause is None) as world:
+        course = _prepare(world, drawn, options, watching)
+        if cause is not None:
+            course.controller.work.task, course.error = cause
+        else:
+            if options.record:
+                watching.add(evidence.keep_records(workcell(drawn), nominal_box(drawn)))
+            if options.pictures:
+                watching.add(evidence.keep_pictures(world.scene_positions))
+            _run(course)
         ended = world.finish()
     report = _report(drawn, options, course, ended, watching)
     return RunResult(drawn, report, _exit_code(report, course), evidence)
@@ -107,20 +114,22 @@ def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpe
     )
 
 
-def _run(world: RunWorld, drawn: Scenario, options: RunOptions, observer: Observer) -> _Course:
+def _prepare(world: RunWorld, drawn: Scenario, options: RunOptions, observer: Observer) -> _Course:
     controller = _controller(world, drawn, options)
     config = LoopConfig(rate_hz=RATE_HZ, max_ticks=round(options.time_limit_s * RATE_HZ))
     loop = ControlLoop(world.device, world.clock, SafetyGate(), observer, time.perf_counter_ns, config)
-    course = _Course(controller, loop, world.clock.now_ns() * 1e-9, 0.0)
+    return _Course(controller, loop, world.clock.now_ns() * 1e-9)
+
+
+def _run(course: _Course) -> None:
     started = time.perf_counter()
-    with _stopped_by_interrupt(loop):
+    with _stopped_by_interrupt(course.loop):
         try:
-            course.result = loop.run(controller)
+            course.result = course.loop.run(course.controller)
         except (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError) as error:
-            course.error = f"{type(error).__name__}: {error}"
+            course.error = f"error: {type(error).__name__}: {error}"
             course.where = traceback.format_exc(limit=-3)
     course.wall_s = time.perf_counter() - started
-    return course
 
 
 @contextmanager
@@ -146,7 +155,7 @@ def _report(drawn: Scenario, options: RunOptions, course: _Course, ended: Ended,
     work = controller.work
     failure = name_failure(verdict, result, work.task, controller.failure, course.error)
     outcome = (
-        ("error", course.error or "", 0) if result is None else (result.outcome.value, result.reason, result.refused)
+        ("not run", course.error or "", 0) if result is None else (result.outcome.value, result.reason, result.refused)
     )
     return Report(
         schema=SCHEMA,
@@ -166,7 +175,7 @@ def _report(drawn: Scenario, options: RunOptions, course: _Course, ended: Ended,
         loop=loop_report(course.loop.timing.report(), *outcome),
         sim=SimReport(
             seconds=ended.simulated_s,
-            realtime_factor=ended.simulated_s / course.wall_s,
+            realtime_factor=ended.simulated_s / course.wall_s if course.wall_s else 0.0,
             slipped_s=ended.slipped_s,
             kicks=list(ended.kicks),
         ),
