@@ -1,0 +1,40 @@
+"""Runs for tests of sweeps, in a module of their own: the processes of a sweep import them by its name."""
+
+import os
+
+from preshape.tools.sweep_run import THREAD_VARIABLES, RunCase, RunOutcome
+
+RAISES, DIES = 3, 5
+
+
+def run_outcome(seed: int, task: int | None = None, cause: str | None = None, name: str = "one") -> RunOutcome:
+    done = 5 if cause is None else (task or 1) - 1
+    return RunOutcome(
+        scenario=name,
+        seed=seed,
+        success=cause is None,
+        failure=None if cause is None else f"task {task}: {cause}",
+        failed_task=task,
+        cause=cause,
+        tasks_done=tuple(number < done for number in range(5)),
+        simulated_s=10.0 + seed,
+    )
+
+
+def fake_run(case: RunCase) -> RunOutcome:
+    """Fail by the seed: even ones succeed, odd ones slip."""
+    return run_outcome(case.seed, *((4, "slipped: the left hand") if case.seed % 2 else ()), name=case.scenario.name)
+
+
+def rough_run(case: RunCase) -> RunOutcome:
+    """Raise for one seed, take the process down for another."""
+    if case.seed == RAISES:
+        raise RuntimeError("no such thing")
+    if case.seed == DIES:
+        os._exit(17)
+    return fake_run(case)
+
+
+def threads_seen(case: RunCase) -> RunOutcome:
+    """Report what the numerical libraries of this process are told."""
+    return run_outcome(case.seed, 1, ",".join(os.environ.get(variable, "unset") for variable in THREAD_VARIABLES))

@@ -1,0 +1,126 @@
+"""`preshape sweep`: scenarios over many seeds in parallel, counted with intervals, per task and per cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from preshape.tools.configuration_error import ConfigurationError
+from preshape.tools.exit_codes import ExitCode
+from preshape.tools.run_options import RunOptions
+
+if TYPE_CHECKING:
+    from preshape.tools.sweep_run import RunCase, RunOutcome
+
+SCHEMA = "preshape/sweep/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options(RunOptions):
+    """Run scenarios over many seeds in parallel and count successes, tasks done and causes of failure.
+
+    Attributes:
+        scenario: scenarios' TOML files, or names of shipped ones.
+        seeds: what to draw: 7, 0:40 (40 not included), 0:40:4 or 1,5,9.
+        backend: what runs them: loky (processes of this machine), threading (for a debugger), dask or ray (a cluster).
+        jobs: runs at a time; 0 is one a core, and one at all when paced.
+        json: write all outcomes and counts to this file, kept up to date while the sweep goes on.
+        at_least: exit code 1 when a scenario succeeds less often than this.
+        overrides: a scenario field to be set, as table.field=value; may be given several times.
+    """
+
+    scenario: tuple[str, ...] = ("tea_box",)
+    seeds: str = "0:40"
+    backend: Literal["loky", "threading", "dask", "ray"] = "loky"
+    jobs: int = 0
+    json: Path | None = None
+    at_least: int = 1
+    overrides: Annotated[
+        tuple[str, ...], tyro.conf.arg(name="set", metavar="TABLE.FIELD=VALUE"), tyro.conf.UseAppendAction
+    ] = ()
+    record: tyro.conf.Suppress[bool] = False
+    pictures: tyro.conf.Suppress[bool] = False
+
+    def __post_init__(self) -> None:
+        RunOptions.__post_init__(self)
+        if self.jobs < 0:
+            raise ConfigurationError(f"jobs: got {self.jobs}, allowed is >= 0")
+
+    @property
+    def run(self) -> RunOptions:
+        """How each run is done."""
+        return RunOptions(**{field.name: getattr(self, field.name) for field in fields(RunOptions)})
+
+
+def execute(options: Options) -> int:
+    """Run the sweep, print and write what came of it."""
+    from preshape.tools.sweep_run import limit_threads
+
+    # Before anything numerical is loaded, here or in a process started from here.
+    limit_threads()
+    from preshape.tools.sweep import sweep
+    from preshape.tools.sweep_run import run_case
+    from preshape.tools.sweep_summary import summarise
+    from preshape.tools.sweep_tables import Progress, print_sweep
+
+    cases = sweep_cases(options)
+    jobs = options.jobs or (1 if options.paced else -1)
+    done: list[RunOutcome] = []
+    with Progress(len(cases)) as progress:
+
+        def take(outcome: RunOutcome) -> None:
+            done.append(outcome)
+            progress.show(outcome)
+            write(options, done)
+
+        outcomes = sweep(cases, run_case, options.backend, jobs, take)
+    write(options, outcomes)
+    summaries = summarise(outcomes)
+    print_sweep(summaries, outcomes)
+    enough = all(summary.success.count >= options.at_least for summary in summaries)
+    return ExitCode.DONE if enough else ExitCode.TASK_FAILED
+
+
+def sweep_cases(options: Options) -> list[RunCase]:
+    """Return every scenario with every seed.
+
+    Raises:
+        ConfigurationError: a file, an override or the seeds cannot be read, or two scenarios have one name.
+    """
+    from preshape.tools.configuration import load_scenario
+    from preshape.tools.sweep import parse_seeds
+    from preshape.tools.sweep_run import RunCase
+
+    scenarios = [load_scenario(name, options.overrides) for name in options.scenario]
+    names = [scenario.name for scenario in scenarios]
+    if len(set(names)) != len(names):
+        raise ConfigurationError(f"scenario: got {', '.join(names)}, allowed are scenarios of different names")
+    return [RunCase(scenario, seed, options.run) for scenario in scenarios for seed in parse_seeds(options.seeds)]
+
+
+def write(options: Options, outcomes: list[RunOutcome]) -> None:
+    """Write counts and outcomes to the file asked for, whole or not at all."""
+    if options.json is None:
+        return
+    import msgspec
+
+    from preshape import __version__
+    from preshape.tools.sweep_summary import summarise
+
+    content = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "scenarios": options.scenario,
+        "seeds": options.seeds,
+        "overrides": options.overrides,
+        "options": {field.name: getattr(options, field.name) for field in fields(RunOptions)},
+        "summaries": summarise(outcomes),
+        "outcomes": outcomes,
+    }
+    part = options.json.with_name(options.json.name + ".part")
+    part.parent.mkdir(parents=True, exist_ok=True)
+    part.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n")
+    part.replace(options.json)

@@ -1,0 +1,127 @@
+"""One run of a sweep, reduced to what is counted; whatever happens in it, an outcome comes back."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+
+import msgspec
+
+from preshape.sim_backend.scenario import Scenario
+from preshape.tools.run_options import RunOptions
+
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+"""What tells the numerical libraries how many threads to start."""
+
+
+class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """What a sweep keeps of one run.
+
+    `tasks_done`: for each of the five tasks whether the referee confirms it. `failed_task` is None for a
+    success and for a failure outside of any task (an exception, a crashed process); the words of `cause`
+    before its first colon are its class. `simulated_s` and `wall_s` are 0 where the run did not report.
+    """
+
+    scenario: str
+    seed: int
+    success: bool
+    failure: str | None
+    failed_task: int | None
+    cause: str | None
+    tasks_done: tuple[bool, ...] = (False,) * 5
+    attempts: tuple[int, ...] = (0,) * 5
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+    overruns: int = 0
+    commands_sha256: str = ""
+
+    @property
+    def cause_class(self) -> str:
+        """The cause without its particulars."""
+        return "" if self.cause is None else self.cause.split(":")[0].strip()
+
+
+class RunCase(msgspec.Struct, frozen=True):
+    """One run to be done: a scenario not yet drawn, its seed, and how."""
+
+    scenario: Scenario
+    seed: int
+    options: RunOptions
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What tells this run from the others of its sweep."""
+        return self.scenario.name, self.seed
+
+
+Run = Callable[[RunCase], RunOutcome]
+
+
+def run_case(case: RunCase) -> RunOutcome:
+    """Carry out one run as `preshape run` does, without files."""
+    from preshape.tools.session import run_session
+
+    result = run_session(case.scenario, case.seed, case.options)
+    report = result.report
+    return RunOutcome(
+        scenario=case.scenario.name,
+        seed=case.seed,
+        success=report.success,
+        failure=report.failure,
+        failed_task=report.failed_task,
+        cause=report.cause,
+        tasks_done=tuple(task.outcome == "done" for task in report.tasks),
+        attempts=tuple(task.attempts for task in report.tasks),
+        simulated_s=report.sim.seconds,
+        overruns=report.loop.overruns,
+        commands_sha256=report.commands_sha256,
+    )
+
+
+def failed(case: RunCase, cause: str) -> RunOutcome:
+    """Return the outcome of a run that could not report."""
+    return RunOutcome(
+        scenario=case.scenario.name, seed=case.seed, success=False, failure=cause, failed_task=None, cause=cause
+    )
+
+
+def guarded(run: Run, case: RunCase) -> RunOutcome:
+    """Run; an exception becomes the run's named failure. The process keeps to one thread."""
+    limit_threads()
+    started = time.perf_counter()
+    try:
+        outcome = run(case)
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        outcome = failed(
+            case, f"exception: {type(error).__name__}: {error} ({os.path.basename(where.filename)}:{where.lineno})"
+        )
+    return msgspec.structs.replace(outcome, wall_s=time.perf_counter() - started)
+
+
+def alone(run: Run, case: RunCase) -> RunOutcome:
+    """Run in a new process of its own, so that its death is a named failure of this run and of no other."""
+    with ProcessPoolExecutor(max_workers=1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        try:
+            return pool.submit(guarded, run, case).result()
+        except BrokenProcessPool:
+            return failed(case, "crashed: the process of this run died")
+
+
+def limit_threads() -> None:
+    """Ask for one thread in this process and its children; libraries that are loaded already keep what they have."""
+    for variable in THREAD_VARIABLES:
+        os.environ.setdefault(variable, "1")

@@ -1,0 +1,100 @@
+"""A sweep on the terminal: a bar (or a line a run) while it goes on, tables when it is over."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+from rich.table import Table
+
+from preshape.sim_backend.referee_report import TASK_NAMES
+from preshape.tools.sweep_run import RunOutcome
+from preshape.tools.sweep_summary import Summary
+
+WIDTH = 120
+"""Width of what is printed where there is no terminal to fit."""
+
+
+class Progress:
+    """A bar on a terminal, one line for each run elsewhere; on the error stream, so results can be piped."""
+
+    def __init__(self, total: int) -> None:
+        """Expect so many runs."""
+        self._total, self._done, self._good = total, 0, 0
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        console = Console(stderr=True)
+        self._bar = Bar(*columns, console=console) if console.is_terminal else None
+        self._task = self._bar.add_task("runs", total=total) if self._bar is not None else None
+
+    def __enter__(self) -> Progress:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def show(self, outcome: RunOutcome) -> None:
+        """Tell of one run that has ended."""
+        self._done += 1
+        self._good += outcome.success
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, advance=1, description=f"{self._good} of {self._done} succeed")
+            return
+        result = "success" if outcome.success else outcome.failure
+        print(
+            f"[{self._done}/{self._total}] {outcome.scenario} seed {outcome.seed}: {result} ({outcome.wall_s:.0f} s)",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome]) -> None:
+    """Print success, tasks and causes per scenario, then every failure by its seed."""
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
+    for summary in summaries:
+        console.print(f"\n[bold]{summary.scenario}[/bold]: success {summary.success}", highlight=False)
+        console.print(_tasks(summary))
+        if summary.causes:
+            console.print(_causes(summary))
+        console.print(
+            f"mean of a run: {summary.mean_simulated_s:.1f} s simulated, {summary.mean_wall_s:.1f} s of real time",
+            highlight=False,
+        )
+    for outcome in outcomes:
+        if not outcome.success:
+            console.print(f"{outcome.scenario} seed {outcome.seed}: {outcome.failure}", highlight=False, markup=False)
+
+
+def _tasks(summary: Summary) -> Table:
+    table = Table(title="tasks confirmed by the referee (95 % interval)", title_justify="left")
+    for column in ("task", "name", "done"):
+        table.add_column(column)
+    for number, share in enumerate(summary.tasks, start=1):
+        table.add_row(str(number), TASK_NAMES[number], str(share))
+    return table
+
+
+def _causes(summary: Summary) -> Table:
+    table = Table(title="causes of failure", title_justify="left")
+    for column in ("task", "cause", "runs", "seeds"):
+        table.add_column(column)
+    for cause in summary.causes:
+        task = "-" if cause.task is None else f"{cause.task} {TASK_NAMES[cause.task]}"
+        table.add_row(task, cause.cause, str(len(cause.seeds)), " ".join(map(str, cause.seeds)))
+    return table
