@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from preshape.control.timing import TimingReport
+from preshape.control.timing import Percentiles, TimingReport
 from preshape.sim_backend.referee_report import Contact, TaskTruth, Verdict
 from preshape.sim_backend.scenario import Scenario
 
@@ -87,8 +87,8 @@ class Spread(Part, frozen=True):
 class LoopReport(Part, frozen=True):
     """How the loop kept its time and how it ended.
 
-    `refused`: commands that the device did not take; `empty_lateness_us`: of a paced loop without work,
-    measured just before this run.
+    `refused`: commands that the device did not take; `held`: ticks of a paced loop that repeated the last setpoint
+    because the controller was planning; `empty_lateness_us`: of a paced loop without work, measured just before.
     """
 
     rate_hz: float
@@ -99,6 +99,7 @@ class LoopReport(Part, frozen=True):
     outcome: str
     reason: str
     refused: int = 0
+    held: int = 0
     empty_lateness_us: Spread | None = None
 
 
@@ -144,20 +145,25 @@ def referee_report(verdict: Verdict) -> RefereeReport:
 
 
 def loop_report(
-    timing: TimingReport, outcome: str, reason: str, refused: int = 0, empty_lateness_us: Spread | None = None
+    timing: TimingReport, outcome: str, reason: str, refused: int, held: int, empty_lateness_us: Percentiles | None
 ) -> LoopReport:
     """Return the loop's part."""
     return LoopReport(
         rate_hz=timing.rate_hz,
         ticks=timing.ticks,
         overruns=timing.overruns,
-        compute_us=msgspec.convert(timing.compute_us, Spread, from_attributes=True),
-        lateness_us=msgspec.convert(timing.lateness_us, Spread, from_attributes=True),
+        compute_us=_spread(timing.compute_us),
+        lateness_us=_spread(timing.lateness_us),
         outcome=outcome,
         reason=reason,
         refused=refused,
-        empty_lateness_us=empty_lateness_us,
+        held=held,
+        empty_lateness_us=None if empty_lateness_us is None else _spread(empty_lateness_us),
     )
+
+
+def _spread(percentiles: Percentiles) -> Spread:
+    return msgspec.convert(percentiles, Spread, from_attributes=True)
 
 
 def encode_report(report: Report) -> bytes:

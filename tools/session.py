@@ -17,6 +17,8 @@ from preshape.control.field import FieldOptions
 from preshape.control.loop import ControlLoop
 from preshape.control.loop_result import LoopConfig, LoopOutcome, LoopResult
 from preshape.control.observer import Observer, Observers
+from preshape.control.timing import Percentiles
+from preshape.hal.clock import Clock
 from preshape.hal.gate import SafetyGate
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock
@@ -30,7 +32,9 @@ from preshape.sim_backend.texture import texture_library
 from preshape.tools.evidence import Evidence
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.feasibility import impossibility
-from preshape.tools.report import SCHEMA, Report, SimReport, TaskReport, loop_report, referee_report
+from preshape.tools.patient import PatientController
+from preshape.tools.real_time import empty_lateness, real_time
+from preshape.tools.report import SCHEMA, LoopReport, Report, SimReport, TaskReport, loop_report, referee_report
 from preshape.tools.run_failure import name_failure
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import report_plan
@@ -38,6 +42,8 @@ from preshape.tools.run_result import RunResult
 from preshape.tools.run_world import Ended, RunWorld, open_world
 
 RATE_HZ = 500.0
+EMPTY_TICKS = 500
+"""Ticks of the empty loop that a paced run is measured beside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +73,8 @@ class _Course:
     result: LoopResult | None = None
     error: str | None = None
     where: str = ""
+    empty: Percentiles | None = None
+    held: int = 0
 
 
 def run_session(
@@ -95,7 +103,7 @@ def run_session(
                 watching.add(evidence.keep_records(workcell(drawn), nominal_box(drawn)))
             if options.pictures:
                 watching.add(evidence.keep_pictures(world.scene_positions))
-            _run(course)
+            _run(course, world.clock, options.paced)
         ended = world.finish()
     report = _report(drawn, options, course, ended, watching)
     return RunResult(drawn, report, _exit_code(report, course), evidence)
@@ -121,15 +129,25 @@ def _prepare(world: RunWorld, drawn: Scenario, options: RunOptions, observer: Ob
     return _Course(controller, loop, world.clock.now_ns() * 1e-9)
 
 
-def _run(course: _Course) -> None:
+def _run(course: _Course, clock: Clock, paced: bool) -> None:
     started = time.perf_counter()
     with _stopped_by_interrupt(course.loop):
         try:
-            course.result = course.loop.run(course.controller)
+            course.result = _run_paced(course, clock) if paced else course.loop.run(course.controller)
         except (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError) as error:
             course.error = f"error: {type(error).__name__}: {error}"
             course.where = traceback.format_exc(limit=-3)
     course.wall_s = time.perf_counter() - started
+
+
+def _run_paced(course: _Course, clock: Clock) -> LoopResult:
+    with PatientController(course.controller) as patient, real_time():
+        course.empty = empty_lateness(clock, course.loop.period_ns, EMPTY_TICKS)
+        course.start_s = clock.now_ns() * 1e-9
+        try:
+            return course.loop.run(patient)
+        finally:
+            course.held = patient.held
 
 
 @contextmanager
@@ -154,9 +172,6 @@ def _report(drawn: Scenario, options: RunOptions, course: _Course, ended: Ended,
     controller, verdict, result = course.controller, ended.verdict, course.result
     work = controller.work
     failure = name_failure(verdict, result, work.task, controller.failure, course.error)
-    outcome = (
-        ("not run", course.error or "", 0) if result is None else (result.outcome.value, result.reason, result.refused)
-    )
     return Report(
         schema=SCHEMA,
         version=__version__,
@@ -172,7 +187,7 @@ def _report(drawn: Scenario, options: RunOptions, course: _Course, ended: Ended,
         plan=report_plan(work.box, work.opening, work.grips),
         commands_sha256="" if result is None else result.commands_sha256,
         referee=referee_report(verdict),
-        loop=loop_report(course.loop.timing.report(), *outcome),
+        loop=_loop_report(course),
         sim=SimReport(
             seconds=ended.simulated_s,
             realtime_factor=ended.simulated_s / course.wall_s if course.wall_s else 0.0,
@@ -182,6 +197,18 @@ def _report(drawn: Scenario, options: RunOptions, course: _Course, ended: Ended,
         controller_failure=controller.failure,
         notes=[*work.notes, *([course.where] if course.where else [])],
         observer_failures=[f"{name}: {type(error).__name__}: {error}" for name, error in watching.failures],
+    )
+
+
+def _loop_report(course: _Course) -> LoopReport:
+    result = course.result
+    return loop_report(
+        course.loop.timing.report(),
+        outcome="not run" if result is None else result.outcome.value,
+        reason=course.error or "" if result is None else result.reason,
+        refused=0 if result is None else result.refused,
+        held=course.held,
+        empty_lateness_us=course.empty,
     )
 
 

@@ -1,0 +1,97 @@
+"""A controller that may think longer than a tick: its steps run in a thread of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from threading import Thread
+
+from preshape.control.controller import Controller, Setpoint
+from preshape.hal.layout import LAYOUT
+from preshape.hal.state import RobotState, Vector
+from preshape.hal.tick_record import TickRecord
+from preshape.tools.real_time import THINKING_PRIORITY, take_priority
+
+PATIENCE_S = 0.0014
+"""How long a tick waits for its step before it holds, s: most of a 2 ms period."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    tick: int
+    now_ns: int
+    state: RobotState
+    followed: tuple[Vector, Vector] | None
+
+
+class PatientController:
+    """`Controller` around another one, for loops in real time; a context manager that ends its thread.
+
+    A step that is not ready in time makes the tick repeat the last setpoint, and so do the ticks after it until
+    it is: planning takes up to a second, and the hands hold meanwhile. The inner controller then goes on with the
+    next state; its ticks count its own steps. `held` counts the ticks that repeated.
+    """
+
+    def __init__(self, inner: Controller, patience_s: float = PATIENCE_S) -> None:
+        """Wrap a controller; a tick waits `patience_s` for its step."""
+        self._inner, self._patience_s = inner, patience_s
+        self._asked: SimpleQueue[_Step | None] = SimpleQueue()
+        self._answers: SimpleQueue[Setpoint | Exception] = SimpleQueue()
+        self._thread = Thread(target=self._think, name="controller", daemon=True)
+        self._setpoint: Setpoint | None = None
+        self._followed: tuple[Vector, Vector] | None = None
+        self._busy = False
+        self._steps = 0
+        self.held = 0
+
+    def __enter__(self) -> PatientController:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *cause: object) -> None:
+        self._asked.put(None)
+        self._thread.join(timeout=10.0)
+
+    def step(self, tick: int, now_ns: int, state: RobotState) -> Setpoint:
+        """Return the inner controller's setpoint if it is ready in time, else the last one again."""
+        if not self._busy:
+            self._asked.put(_Step(self._steps, now_ns, state, self._followed))
+            self._followed, self._busy = None, True
+            self._steps += 1
+        try:
+            answer = self._answers.get(timeout=self._patience_s)
+        except Empty:
+            self.held += 1
+            return self._held_setpoint()
+        self._busy = False
+        if isinstance(answer, Exception):
+            raise answer
+        self._setpoint = answer
+        return answer
+
+    def follow(self, position: Vector, velocity: Vector) -> None:
+        """Let the inner controller's next step continue from this command."""
+        self._followed = position.copy(), velocity.copy()
+        if self._setpoint is None:
+            self._setpoint = Setpoint(position.copy(), LAYOUT.torque.copy())
+
+    def note(self, record: TickRecord) -> None:
+        """Let the inner controller write into the record, which may be half way through its step."""
+        self._inner.note(record)
+
+    def _held_setpoint(self) -> Setpoint:
+        if self._setpoint is None:
+            raise RuntimeError("held before the first command to follow")
+        return self._setpoint
+
+    def _think(self) -> None:
+        take_priority(THINKING_PRIORITY)
+        while (asked := self._asked.get()) is not None:
+            try:
+                if asked.followed is not None:
+                    self._inner.follow(*asked.followed)
+                answer = self._inner.step(asked.tick, asked.now_ns, asked.state)
+                # The inner controller's buffers change in its next step; a held setpoint must not.
+                self._answers.put(Setpoint(answer.position.copy(), answer.torque_limit.copy(), answer.finished))
+            except Exception as error:
+                self._answers.put(error)

@@ -1,0 +1,48 @@
+"""What a loop in real time asks of the machine, and what the machine gives an empty one."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+
+from preshape.control.timing import LoopTiming, Percentiles
+from preshape.hal.clock import Clock
+
+LOOP_PRIORITY = 15
+"""First-in-first-out priority of the loop's thread; the physics process has a higher one."""
+THINKING_PRIORITY = 10
+SWITCH_S = 1e-4
+"""How long one Python thread may keep the others from running, s."""
+
+
+def take_priority(priority: int) -> None:
+    """Schedule the calling thread first in, first out, if the machine lets us."""
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+
+
+@contextmanager
+def real_time() -> Generator[None]:
+    """Run the calling thread with priority over the machine's other work, and switch threads often."""
+    policy, parameters, switch_s = os.sched_getscheduler(0), os.sched_getparam(0), sys.getswitchinterval()
+    take_priority(LOOP_PRIORITY)
+    sys.setswitchinterval(SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(switch_s)
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, policy, parameters)
+
+
+def empty_lateness(clock: Clock, period_ns: int, ticks: int) -> Percentiles:
+    """Return how late a loop that does nothing wakes up."""
+    timing = LoopTiming(period_ns, ticks)
+    deadline_ns = clock.now_ns()
+    for _ in range(ticks):
+        deadline_ns += period_ns
+        clock.sleep_until_ns(deadline_ns)
+        timing.add(max(0, clock.now_ns() - deadline_ns), 0)
+    return timing.report().lateness_us
