@@ -1,0 +1,101 @@
+"""Laws of the patient controller: it holds while the inner one thinks, loses nothing, and passes errors on."""
+
+from __future__ import annotations
+
+from threading import Event
+
+import numpy as np
+import pytest
+
+from preshape.control.controller import Setpoint
+from preshape.hal.layout import LAYOUT
+from preshape.hal.state import RobotState, Vector
+from preshape.hal.tick_record import TickRecord
+from preshape.tools.patient import PatientController
+
+PATIENT_S = 20.0
+"""Longer than any machine stalls: these laws are not about time."""
+
+
+class Inner:
+    """Answers each step with its number; blocks in the steps that are given, until let go."""
+
+    def __init__(self, slow: tuple[int, ...] = (), broken: tuple[int, ...] = ()) -> None:
+        self.slow, self.broken = slow, broken
+        self.go_on, self.thinking = Event(), Event()
+        self.calls: list[tuple[str, float]] = []
+        self._position = np.zeros(LAYOUT.dof)
+
+    def step(self, tick: int, now_ns: int, state: RobotState) -> Setpoint:
+        self.calls.append(("step", tick))
+        if tick in self.slow:
+            self.thinking.set()
+            assert self.go_on.wait(PATIENT_S)
+        if tick in self.broken:
+            raise ValueError(f"broken at {tick}")
+        self._position[:] = tick
+        return Setpoint(self._position, LAYOUT.torque, finished=tick == 9)
+
+    def follow(self, position: Vector, velocity: Vector) -> None:
+        self.calls.append(("follow", float(position[0])))
+
+    def note(self, record: TickRecord) -> None:
+        self.calls.append(("note", 0.0))
+
+
+def state() -> RobotState:
+    zero = np.zeros(LAYOUT.dof)
+    return RobotState(0, zero, zero, zero, np.zeros(LAYOUT.dof, np.int64))
+
+
+def test_quick_steps_pass_through_one_by_one() -> None:
+    inner = Inner()
+    with PatientController(inner, PATIENT_S) as patient:
+        patient.follow(np.full(LAYOUT.dof, 0.5), np.zeros(LAYOUT.dof))
+        answers = [patient.step(tick, 0, state()) for tick in range(10)]
+    assert [answer.position[0] for answer in answers] == list(range(10))
+    assert [answer.finished for answer in answers] == [False] * 9 + [True]
+    assert inner.calls[:2] == [("follow", 0.5), ("step", 0)]
+    assert patient.held == 0
+
+
+def test_holds_the_last_setpoint_while_the_inner_one_thinks_and_skips_none_of_its_steps() -> None:
+    inner = Inner(slow=(1,))
+    with PatientController(inner, PATIENT_S) as patient:
+        first = patient.step(0, 0, state())
+        patient._patience_s = 0.0
+        assert patient.step(1, 0, state()).position[0] == first.position[0]
+        assert inner.thinking.wait(PATIENT_S)
+        held = [patient.step(tick, 0, state()) for tick in range(2, 6)]
+        assert all(np.all(setpoint.position == 0.0) and not setpoint.finished for setpoint in held)
+        patient.follow(np.full(LAYOUT.dof, 7.0), np.zeros(LAYOUT.dof))
+        inner.go_on.set()
+        patient._patience_s = PATIENT_S
+        assert patient.step(6, 0, state()).position[0] == 1.0
+        assert patient.step(7, 0, state()).position[0] == 2.0
+    assert inner.calls == [("step", 0), ("step", 1), ("follow", 7.0), ("step", 2)]
+    assert patient.held == 5
+
+
+def test_holds_the_first_command_to_follow_before_the_first_step_is_ready() -> None:
+    inner = Inner(slow=(0,))
+    with PatientController(inner, 0.0) as patient:
+        patient.follow(np.full(LAYOUT.dof, 0.25), np.zeros(LAYOUT.dof))
+        setpoint = patient.step(0, 0, state())
+        inner.go_on.set()
+    assert np.all(setpoint.position == 0.25)
+    assert np.array_equal(setpoint.torque_limit, LAYOUT.torque)
+
+
+def test_an_error_of_the_inner_controller_comes_up_in_the_loop() -> None:
+    with PatientController(Inner(broken=(1,)), PATIENT_S) as patient:
+        patient.step(0, 0, state())
+        with pytest.raises(ValueError, match="broken at 1"):
+            patient.step(1, 0, state())
+
+
+def test_a_held_setpoint_does_not_change_under_the_next_step() -> None:
+    with PatientController(Inner(), PATIENT_S) as patient:
+        first = patient.step(0, 0, state())
+        patient.step(1, 0, state())
+    assert np.all(first.position == 0.0)
