@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.run_options import RunOptions
+
+if TYPE_CHECKING:
+    from preshape.tools.report import Report
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,13 +21,13 @@ class Options(RunOptions):
 
     Attributes:
         scenario: a scenario's TOML file, or the name of one that is shipped.
-        seed: what the scenario leaves to chance is drawn by this.
-        out: folder for the results; default runs/<time>-<scenario>-<seed>/.
-        overrides: a scenario field to be set, as table.field=value; may be given several times.
+        seed: what the scenario leaves to chance is drawn by this; default: the scenario's own seed.
+        out: folder for the results; default: runs/<time>-<scenario>-<seed>/.
+        overrides: a scenario field to be set; may be given several times.
     """
 
     scenario: str = "tea_box"
-    seed: int = 0
+    seed: int | None = None
     out: Path | None = None
     overrides: Annotated[
         tuple[str, ...], tyro.conf.arg(name="set", metavar="TABLE.FIELD=VALUE"), tyro.conf.UseAppendAction
@@ -31,18 +35,33 @@ class Options(RunOptions):
 
     def __post_init__(self) -> None:
         RunOptions.__post_init__(self)
+        if self.seed is not None and self.seed < 0:
+            raise ConfigurationError(f"--seed: got {self.seed}, allowed is >= 0")
 
 
 def execute(options: Options) -> int:
     """Run and report; return the exit code."""
     from preshape.tools.configuration import load_scenario
+    from preshape.tools.progress import RunProgress
     from preshape.tools.run_directory import choose_directory, write_run
     from preshape.tools.session import run_session
 
     scenario = load_scenario(options.scenario, options.overrides)
-    directory = choose_directory(options.out, scenario.name, options.seed)
-    result = run_session(scenario, options.seed, options)
-    write_run(result, directory)
-    print(result.failure or "the box is open")
+    seed = scenario.seed if options.seed is None else options.seed
+    directory = choose_directory(options.out, scenario.name, seed)
+    with RunProgress() as progress:
+        result = run_session(scenario, seed, options, [progress.watch])
+    files = write_run(result, directory)
+    print(summary(result.report))
+    for name, file in files.items():
+        print(f"{name + ':':<12}{file}")
     print(directory)
     return result.exit_code
+
+
+def summary(report: Report) -> str:
+    """Return the outcome in one or two lines."""
+    how_long = f"{report.sim.seconds:.1f} s simulated, {report.sim.realtime_factor:.2f} x real time"
+    if report.success:
+        return f"success: the box is open ({how_long})"
+    return f"failed: {report.failure}\n({how_long})"

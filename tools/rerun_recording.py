@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.world import NominalBox, Workcell
 from preshape.tools.tick_buffer import TickBuffer
@@ -23,6 +26,14 @@ class RerunRecording:
     def notify(self, record: TickRecord) -> None:
         """Take note of one tick."""
         self._buffer.notify(record)
+
+    def records(self) -> TickRecord:
+        """Return the records kept, (n,) of dtype `TICK`."""
+        return self._buffer.records()
+
+    def timing(self) -> NDArray[np.void]:
+        """Return the timing of all ticks, (n,) of dtype `tick_buffer.TIMING`."""
+        return self._buffer.timing()
 
     def write(self, path: Path | str) -> Path:
         """Write the recording and return its path; `ValueError` when nothing was recorded."""

@@ -5,9 +5,18 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from preshape.sim_backend.scene import build_scene
 from preshape.tools.configuration_error import ConfigurationError
+from preshape.tools.evidence import Evidence
+from preshape.tools.raster import save_png
 from preshape.tools.report import encode_report
+from preshape.tools.report_html import report_page
 from preshape.tools.run_result import RunResult
+from preshape.tools.storyboard import pick_frames
+from preshape.tools.storyboard_picture import storyboard_picture
+
+CLOSING_PHASES = {4: "crush"}
+"""The picture of task 4 is the crush, not the hand that has left the box again."""
 
 
 def choose_directory(out: Path | None, scenario: str, seed: int) -> Path:
@@ -20,16 +29,35 @@ def choose_directory(out: Path | None, scenario: str, seed: int) -> Path:
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigurationError(f"--out {directory}: {error.strerror}") from error
+        raise ConfigurationError(f"--out {directory}: cannot be made: {error.strerror}") from error
     return directory
 
 
-def write_run(result: RunResult, directory: Path) -> list[Path]:
-    """Write everything that a run has kept and return the files, the report first."""
-    report = directory / "report.json"
-    report.write_bytes(encode_report(result.report))
-    files = [report]
-    evidence = result.evidence
-    if evidence is not None and evidence.recording is not None:
-        files.append(evidence.recording.write(directory / "recording.rrd"))
+def write_run(result: RunResult, directory: Path) -> dict[str, Path]:
+    """Write report.json, and what was kept: recording.rrd, storyboard.png; then report.html. Return all by name."""
+    files = {"report": directory / "report.json"}
+    files["report"].write_bytes(encode_report(result.report))
+    evidence = result.evidence or Evidence()
+    recording = evidence.recording
+    records, timing = (None, None) if recording is None else (recording.records(), recording.timing())
+    if recording is not None and records is not None and len(records):
+        files["recording"] = recording.write(directory / "recording.rrd")
+    storyboard = write_storyboard(result, directory / "storyboard.png")
+    if storyboard is not None:
+        files["storyboard"] = storyboard
+    files["page"] = directory / "report.html"
+    picture = None if storyboard is None else storyboard.read_bytes()
+    files["page"].write_text(report_page(result.report, picture, None, records, timing), "utf-8")
     return files
+
+
+def write_storyboard(result: RunResult, path: Path) -> Path | None:
+    """Draw the storyboard of a run that has kept snapshots and return its path, None if there is nothing to draw."""
+    evidence = result.evidence
+    if evidence is None or evidence.storyboard is None:
+        return None
+    frames = pick_frames(evidence.storyboard.recorder.snapshots(), CLOSING_PHASES)
+    if not frames:
+        return None
+    title = f"{result.scenario.name}, seed {result.scenario.seed}: {result.failure or 'the box is open'}"
+    return save_png(storyboard_picture(build_scene(result.scenario), frames, title=title), path)

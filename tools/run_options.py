@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from preshape.tools.configuration_error import ConfigurationError
+
 DeviceName = Literal["mujoco"]
 FieldName = Literal["grouped", "summed"]
 TiesName = Literal["smooth", "hard"]
 NormName = Literal["l1", "l2"]
+
+LONGEST_S = 3600.0
+"""Longest time limit, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +29,9 @@ class RunOptions:
         time_limit_s: simulated time after which the run ends, s.
         record: keep what recording.rrd and the plots need.
         pictures: keep what the storyboard needs.
+
+    Raises:
+        ConfigurationError: on construction, for a time limit out of range.
     """
 
     device: DeviceName = "mujoco"
@@ -36,5 +44,5 @@ class RunOptions:
     pictures: bool = True
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.time_limit_s <= 3600.0:
-            raise ValueError(f"time_limit_s: got {self.time_limit_s:g}, allowed is > 0 and <= 3600")
+        if not 0.0 < self.time_limit_s <= LONGEST_S:
+            raise ConfigurationError(f"--time-limit-s: got {self.time_limit_s:g}, allowed is > 0 and <= {LONGEST_S:g}")
