@@ -106,7 +106,8 @@ def run_session(
             _run(course, world.clock, options.paced)
         ended = world.finish()
     report = _report(drawn, options, course, ended, watching)
-    return RunResult(drawn, report, _exit_code(report, course), evidence)
+    kept = evidence if evidence.recording or evidence.storyboard else None
+    return RunResult(drawn, report, _exit_code(report, course), kept)
 
 
 def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpening:

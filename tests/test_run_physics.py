@@ -1,0 +1,46 @@
+"""Laws of whole runs in physics: the report of one, the same commands from the same seed, and one in real time."""
+
+from __future__ import annotations
+
+import pytest
+
+from preshape.tools.configuration import load_scenario
+from preshape.tools.report import decode_report, encode_report
+from preshape.tools.run_options import RunOptions
+from preshape.tools.session import run_session
+
+pytestmark = pytest.mark.physics
+
+QUIET = RunOptions(record=False, pictures=False)
+
+
+def test_a_whole_run_ends_by_itself_and_its_report_holds_together() -> None:
+    result = run_session(load_scenario("tea_box"), 0, QUIET)
+    report = result.report
+    assert decode_report(encode_report(report)) == report
+    assert report.success == (report.failure is None) == (not report.referee.failures)
+    assert result.exit_code == (0 if report.success else 1)
+    assert report.loop.outcome == "finished"
+    assert 0.0 < report.sim.seconds < QUIET.time_limit_s
+    assert report.tasks[0].outcome == "done" and report.referee.tasks[0].done
+    started = [task for task in report.tasks if task.attempts]
+    assert all(task.start_s <= task.end_s <= report.sim.seconds for task in started)
+    assert [task.start_s for task in started] == sorted(task.start_s for task in started)
+    assert report.loop.refused == 0 and report.observer_failures == []
+
+
+def test_the_same_seed_gives_the_same_commands_and_another_seed_others() -> None:
+    options = RunOptions(record=False, pictures=False, time_limit_s=6.0)
+    scenario = load_scenario("tea_box")
+    first, again, other = (run_session(scenario, seed, options).report.commands_sha256 for seed in (0, 0, 1))
+    assert first == again
+    assert first != other
+
+
+def test_a_paced_run_reports_its_lateness_beside_an_empty_loops() -> None:
+    report = run_session(load_scenario("tea_box"), 0, RunOptions(paced=True, time_limit_s=2.0)).report
+    assert report.paced
+    assert report.loop.empty_lateness_us is not None
+    assert report.loop.outcome in ("time up", "safety stop")
+    assert report.sim.seconds > 0.0
+    assert decode_report(encode_report(report)) == report
