@@ -13,6 +13,7 @@ from preshape.tools.exit_codes import ExitCode, expected_error
 COMMANDS: dict[str, str] = {
     "run": "carry out the procedure and write a report",
     "sweep": "run scenarios over many seeds in parallel and count",
+    "doctor": "show this machine, and what the grip holds beside what opening asks",
     "bench": "measure what the parts cost on this machine",
 }
 """Name -> what it does. Its module is `command_<name>`, with a dataclass `Options` and `execute(options) -> int`."""
