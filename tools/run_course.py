@@ -1,0 +1,112 @@
+"""One run as the controller's side saw it, and the report made of it and of the referee's verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from preshape import __version__
+from preshape.control.box_opening import BoxOpening
+from preshape.control.loop import ControlLoop
+from preshape.control.loop_result import LoopOutcome, LoopResult
+from preshape.control.observer import Observers
+from preshape.control.timing import Percentiles
+from preshape.sim_backend.referee_report import TASK_NAMES
+from preshape.sim_backend.scenario import Scenario
+from preshape.tools.exit_codes import ExitCode
+from preshape.tools.report import SCHEMA, LoopReport, Report, SimReport, TaskReport, loop_report, referee_report
+from preshape.tools.run_failure import name_failure
+from preshape.tools.run_options import RunOptions
+from preshape.tools.run_plan import report_plan
+from preshape.tools.run_world import Ended
+
+
+@dataclass(slots=True, eq=False)
+class Course:
+    """What the controller's side knows when a run is over; `error` says why there is no result, `where` more."""
+
+    controller: BoxOpening
+    loop: ControlLoop
+    start_s: float
+    wall_s: float = 0.0
+    result: LoopResult | None = None
+    error: str | None = None
+    where: str = ""
+    empty: Percentiles | None = None
+    held: int = 0
+
+
+def run_report(drawn: Scenario, options: RunOptions, course: Course, ended: Ended, watching: Observers) -> Report:
+    """Return the report of a run of a drawn scenario; task times count from the loop's start."""
+    controller, verdict, result = course.controller, ended.verdict, course.result
+    work = controller.work
+    failure = name_failure(verdict, result, work.task, controller.failure, course.error)
+    return Report(
+        schema=SCHEMA,
+        version=__version__,
+        device=options.device,
+        paced=options.paced,
+        seed=drawn.seed,
+        scenario=drawn,
+        success=verdict.success,
+        failure=None if failure is None else str(failure),
+        failed_task=None if failure is None else failure.task,
+        cause=None if failure is None else failure.cause,
+        tasks=_tasks(course, ended),
+        plan=report_plan(work.box, work.opening, work.grips),
+        commands_sha256="" if result is None else result.commands_sha256,
+        referee=referee_report(verdict),
+        loop=_loop_report(course),
+        sim=SimReport(
+            seconds=ended.simulated_s,
+            realtime_factor=ended.simulated_s / course.wall_s if course.wall_s else 0.0,
+            slipped_s=ended.slipped_s,
+            kicks=list(ended.kicks),
+        ),
+        controller_failure=controller.failure,
+        notes=[*work.notes, *([course.where] if course.where else [])],
+        observer_failures=[f"{name}: {type(error).__name__}: {error}" for name, error in watching.failures],
+    )
+
+
+def _loop_report(course: Course) -> LoopReport:
+    result = course.result
+    return loop_report(
+        course.loop.timing.report(),
+        outcome="not run" if result is None else result.outcome.value,
+        reason=course.error or "" if result is None else result.reason,
+        refused=0 if result is None else result.refused,
+        held=course.held,
+        empty_lateness_us=course.empty,
+    )
+
+
+def _tasks(course: Course, ended: Ended) -> list[TaskReport]:
+    truth = {task.task: task.done for task in ended.verdict.tasks}
+    reports: list[TaskReport] = []
+    for log in course.controller.tasks:
+        outcome = log.outcome
+        if outcome == "done" and not truth[log.task]:
+            outcome = "not confirmed by the referee"
+        elif outcome == "running":
+            outcome = "interrupted"
+        times = (max(0.0, time_s - course.start_s) if log.attempts else 0.0 for time_s in (log.start_s, log.end_s))
+        start_s, end_s = times
+        reports.append(
+            TaskReport(
+                task=log.task,
+                name=TASK_NAMES[log.task],
+                outcome=outcome,
+                start_s=start_s,
+                end_s=end_s,
+                attempts=log.attempts,
+            )
+        )
+    return reports
+
+
+def exit_code(report: Report, course: Course) -> ExitCode:
+    """Return the exit code: a stop before the end counts more than what the referee has seen."""
+    stopped = course.result is not None and course.result.outcome in (LoopOutcome.SAFETY_STOP, LoopOutcome.STOPPED)
+    if stopped:
+        return ExitCode.SAFETY_STOP
+    return ExitCode.DONE if report.success else ExitCode.TASK_FAILED
