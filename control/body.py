@@ -89,11 +89,11 @@ class Body:
         """Ask one arm to bring its palm to a pose."""
         self._palm_goal[side] = X_world_palm
 
-    def prefer_posture(self, side: Side, q: ArrayLike) -> None:
-        """Choose the arm posture (7), rad, that the redundancy drifts to while the palm is led."""
+    def prefer_posture(self, side: Side, q: ArrayLike, hurry: float = 1.0) -> None:
+        """Choose the arm posture (7), rad, that the redundancy drifts to while the palm is led, and how fast."""
         start = SIDES.index(side) * ARM_DOF
         self._posture[start : start + ARM_DOF] = q
-        self._ik.set_nominal(self._posture)
+        self._ik.set_nominal(self._posture, hurry)
 
     def ask_fingers(self, side: Side, q: ArrayLike, torque_limit: ArrayLike | None = None) -> None:
         """Ask one hand for joint angles (13), rad, within torque limits (13), N m (default: the joints' own)."""

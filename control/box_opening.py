@@ -18,7 +18,7 @@ from preshape.control.opening_frame import opening_frame
 from preshape.control.opening_motion import HandWaypoint, open_motion, push_motion
 from preshape.control.sight import Sight
 from preshape.control.task_grasp import grasp_box, shown_face
-from preshape.control.task_open import enter, play
+from preshape.control.task_open import play, present
 from preshape.control.task_regrasp import regrasp
 from preshape.control.task_show import find_opening_area
 from preshape.control.work import Work
@@ -114,10 +114,12 @@ class BoxOpening:
             end = self._held_end()
             yield from self._task(3, lambda: regrasp(self.work, self.guide, end))
             toward = self._toward(opening)
+            push = push_motion(toward)
             depth = float(np.abs(face_normal(opening.edge)) @ self.work.box.size)
             hinge_distance = depth - self.work.box.tab_size[1] / 2
-            yield from self._task(4, lambda: self._play(opening, push_motion(toward)))
-            yield from self._task(5, lambda: self._play(opening, open_motion(toward, hinge_distance)))
+            pull = open_motion(toward, hinge_distance)
+            yield from self._task(4, lambda: self._crush(opening, end, (push, pull)))
+            yield from self._task(5, lambda: play(self.work, opening, pull))
             yield from wait(self.work.body, 0.8)
         except TaskFailed as failed:
             self.failure = f"task {self.work.task} ({TASK_NAMES[self.work.task - 1]}): {failed.cause}"
@@ -152,10 +154,9 @@ class BoxOpening:
         y = opening_frame(self.work.box, opening)[:3, 1]
         return float(np.sign(-y @ face_normal(self._held_end())))
 
-    def _play(self, opening: Opening, waypoints: tuple[HandWaypoint, ...]) -> Motion:
-        self.work.phase = "travel"
-        yield from enter(self.work, opening, waypoints[0])
-        yield from play(self.work, opening, waypoints)
+    def _crush(self, opening: Opening, end: Face, motions: tuple[tuple[HandWaypoint, ...], ...]) -> Motion:
+        yield from present(self.work, opening, end, motions)
+        yield from play(self.work, opening, motions[0])
 
     def _task(self, number: int, make: Callable[[], Motion]) -> Motion:
         self.work.task = number

@@ -111,6 +111,7 @@ class ArmIk:
             self._robot.set_joint_limits(name, lower, upper)
             self._robot.set_velocity_limit(name, speed * self.config.speed_ratio)
         self._nominal = 0.5 * (self.lower + self.upper)
+        self._hurry = 1.0
         self._frames = np.empty((FRAME_COUNT, 4, 4))
         self._build_solver()
         # The first call loads compiled code, which must not happen inside a tick.
@@ -140,9 +141,10 @@ class ArmIk:
         apart.configure("forearms apart", "soft", 1e3)
         self._solver = solver
 
-    def set_nominal(self, q: ArrayLike) -> None:
-        """Choose the posture (14), rad, that the redundancy drifts to."""
+    def set_nominal(self, q: ArrayLike, hurry: float = 1.0) -> None:
+        """Choose the posture (14), rad, that the redundancy drifts to; `hurry` is a factor on rate and speed."""
         self._nominal = np.clip(_arms_vector(q), self.lower, self.upper)
+        self._hurry = hurry
 
     def solve(self, q_command: ArrayLike, X_world_palm_right: Matrix, X_world_palm_left: Matrix, dt: float) -> IkStep:
         """Return the command one period dt (s) after q_command (14), rad, towards both palm targets (4x4).
@@ -177,8 +179,8 @@ class ArmIk:
         for k, X in enumerate(targets):
             self._position_tasks[k].target_world = X[:3, 3]
             self._rotation_tasks[k].R_world_frame = X[:3, :3]
-        speed = np.minimum(np.maximum(self.config.posture_rate * (self._nominal - q), -self.config.posture_speed),
-                           self.config.posture_speed)  # fmt: skip
+        most = self._hurry * self.config.posture_speed
+        speed = np.clip(self._hurry * self.config.posture_rate * (self._nominal - q), -most, most)
         self._posture.set_joints(dict(zip(JOINT_NAMES, (q + dt * speed).tolist(), strict=True)))
 
     def _judged(self, q: Matrix, targets: tuple[Matrix, Matrix]) -> IkStep:

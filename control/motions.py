@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,11 +45,30 @@ def wait_for(body: Body, condition: Callable[[], bool], seconds: float) -> Gener
     return condition()
 
 
-def follow_arms(body: Body, waypoints: Matrix, speed: float = 0.35) -> Motion:
-    """Lead both arms along joint way-points (n, 14), resting at each; `speed` is the share of the velocity limits."""
+def gentle_seconds(points: Matrix, acceleration: float) -> float:
+    """Return how long an eased leg must take so that no point on it accelerates more than given, m/s^2.
+
+    `points` (n, k, 3), m: k carried points at n equal steps of the leg's share u of its way. With
+    s = eased(t/T) the acceleration is (p'' s'^2 + p' s'') / T^2, sampled here by second differences.
+    """
+    n = len(points)
+    at = np.array([eased(k / (n - 1)) for k in range(n)]) * (n - 1)
+    low = np.minimum(at.astype(int), n - 2)
+    share = (at - low)[:, None, None]
+    moved = points[low] + share * (points[low + 1] - points[low])
+    second = np.diff(moved, n=2, axis=0) * (n - 1) ** 2
+    return float(np.sqrt(np.linalg.norm(second, axis=2).max() / acceleration))
+
+
+def follow_arms(body: Body, waypoints: Matrix, speed: float = 0.35, least_s: Sequence[float] | None = None) -> Motion:
+    """Lead both arms along joint way-points (n, 14), resting at each; `speed` is the share of the velocity limits.
+
+    `least_s` (n - 1): the least time of each leg.
+    """
     limits = np.concatenate([LAYOUT.velocity[LAYOUT.arm(side)] for side in SIDES])
-    for start, end in zip(waypoints[:-1], waypoints[1:], strict=True):
+    for leg, (start, end) in enumerate(zip(waypoints[:-1], waypoints[1:], strict=True)):
         seconds = 15.0 / 8.0 * float(np.max(np.abs(end - start) / limits)) / speed
+        seconds = seconds if least_s is None else max(seconds, least_s[leg])
         count = ticks(body, seconds)
         for k in range(1, count + 1):
             q = start + eased(k / count) * (end - start)

@@ -19,16 +19,16 @@ from preshape.planner.hand_kinematics import hand_kinematics
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandWaypoint:
-    """One leg: where the palm goes, the 13 finger angles (rad), how long it takes, which joints follow torques.
-
-    `torque_goal` (13), N m: nan where the joint keeps its angle.
-    """
+    """One leg: where the palm goes, the 13 finger angles (rad), how long it takes."""
 
     name: str
     X_opening_palm: Matrix
     fingers: Vector
     duration_s: float
-    torque_goal: Vector | None = None
+
+
+FIST = (0.0, 0.95, 1.20)
+"""A folded finger's abduction, flexion and middle joint, rad: further in, the fore finger meets the thumb."""
 
 
 def thumb_out(folded: bool = True) -> Vector:
@@ -36,7 +36,7 @@ def thumb_out(folded: bool = True) -> Vector:
     q = np.zeros(HAND_DOF)
     q[ACTUATED.index("thumb_opp")], q[ACTUATED.index("thumb_pip")] = 1.55, 0.10
     for finger in FOREFINGERS:
-        q[finger_slice(finger)] = (0.0, 1.25, 1.25) if folded else (0.0, -0.069, 0.07)
+        q[finger_slice(finger)] = FIST if folded else (0.0, -0.069, 0.07)
     return q
 
 
@@ -55,12 +55,22 @@ def palm_for_tip(p_tip: Matrix, tilt: float, roll: float, toward: float, fingers
     return transform(np.asarray(p_tip) - R @ tip, R)
 
 
+AWAY_M = 0.10
+"""Height of the thumb's tip above the face before and between, m."""
 TILT = float(np.deg2rad(45.0))
 """Tilt of the palm's axis from the box's long axis into the face, rad."""
 DEPTH = 0.028
 """How deep the thumb's tip goes, m."""
 TIP_X = 0.005
 """Where the thumb comes down, from the tab's centre towards its edge, m: well inside the hole."""
+TIP_Y = 0.011
+"""How far towards the holding hand the tip goes, m: the slanted thumb then crosses the face in the hole's middle."""
+LEVER_Y = 0.022
+"""How far towards the holding hand the thumb leans while it levers, m.
+
+There it presses the lid beside the hole, so that perforation points tear one after another from that end. In
+the middle all of them bear at once, and the force is several times as large.
+"""
 HINGE_ROOM = 0.020
 """Half the tab's depth: the lid begins this far from the tab's centre towards the hinge, m."""
 
@@ -70,14 +80,14 @@ def push_motion(toward: float) -> tuple[HandWaypoint, ...]:
     fist = thumb_out()
 
     def at(z: float) -> Matrix:
-        return palm_for_tip(np.array([TIP_X, 0.0, z]), TILT, 0.0, toward, fist)
+        return palm_for_tip(np.array([TIP_X, toward * TIP_Y, z]), TILT, 0.0, toward, fist)
 
     return (
-        HandWaypoint("above", at(0.08), fist, 0.3),
+        HandWaypoint("above", at(AWAY_M), fist, 0.3),
         HandWaypoint("touch", at(0.02), fist, 0.6),
         HandWaypoint("crush", at(-DEPTH), fist, 1.6),
-        HandWaypoint("leave", at(0.08), fist, 0.8),
-        HandWaypoint("clear", at(0.12), fist, 0.4),
+        HandWaypoint("leave", at(0.06), fist, 0.8),
+        HandWaypoint("clear", at(AWAY_M), fist, 0.5),
     )
 
 
@@ -92,16 +102,17 @@ def open_motion(
     """
     fist, hook, pinch = thumb_out(), _hook(0.70, 0.60), _hook(0.45, 0.50)
 
-    def at(x: float, z: float, roll_deg: float, fingers: Vector = fist) -> Matrix:
-        return palm_for_tip(np.array([x, 0.0, z]), TILT, float(np.deg2rad(roll_deg)), toward, fingers)
+    def at(x: float, z: float, roll_deg: float, y: float = TIP_Y) -> Matrix:
+        return palm_for_tip(np.array([x, toward * y, z]), TILT, float(np.deg2rad(roll_deg)), toward, fist)
 
     rise = -HINGE_ROOM, 0.012, 20.0
     loose = [
-        HandWaypoint("above", at(TIP_X, 0.08, 0.0), fist, 0.3),
+        HandWaypoint("above", at(TIP_X, AWAY_M, 0.0), fist, 0.3),
         HandWaypoint("enter", at(TIP_X, 0.02, 0.0), fist, 0.6),
         HandWaypoint("insert", at(TIP_X, -DEPTH, 0.0), fist, 1.2),
-        HandWaypoint("lever", at(-0.028, -0.028, 45.0), fist, 1.2),
-        HandWaypoint("tear", at(-0.031, -0.020, 53.0), fist, 1.0),
+        HandWaypoint("lean", at(TIP_X, -DEPTH, 0.0, LEVER_Y), fist, 0.6),
+        HandWaypoint("lever", at(-0.028, -0.028, 45.0, LEVER_Y), fist, 1.2),
+        HandWaypoint("tear", at(-0.031, -0.020, 53.0, LEVER_Y), fist, 1.0),
         HandWaypoint("raise", at(*rise), fist, 1.0),
         HandWaypoint("hook", at(*rise), hook, 0.6),
         HandWaypoint("pinch", at(*rise), pinch, 0.6),

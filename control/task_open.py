@@ -1,4 +1,4 @@
-"""Tasks 4 and 5: the right thumb pushes the opening area in; then the lid is torn and opened."""
+"""Tasks 4 and 5: the left hand presents the box; the right thumb pushes the opening area in and opens the lid."""
 
 from __future__ import annotations
 
@@ -6,54 +6,67 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from preshape.control.motions import Motion, between, eased, ticks
+from preshape.control.course import Course, follow_course, plan_course
+from preshape.control.failure import TaskFailed
+from preshape.control.motions import Motion, lead_fingers
 from preshape.control.opening_frame import opening_frame
 from preshape.control.opening_motion import HandWaypoint
-from preshape.control.work import Work
-from preshape.hal.layout import LAYOUT
-from preshape.hal.transform import Matrix
-from preshape.hal.world import Opening
+from preshape.control.work import CLEARANCE_M, Work
+from preshape.hal.layout import ARM_DOF, SIDES, Side
+from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix, inverse
+from preshape.hal.world import Face, Opening
+from preshape.planner.air_pose import air_pose, open_places
+from preshape.planner.arm_capsules import HeldBox
+from preshape.planner.arm_chain import ChainQuery
+from preshape.planner.arm_collision import ArmCollision
 
-TORQUE_GAIN = 4.0
-"""Finger speed per missing torque, rad/s/(N m)."""
-TORQUE_SPEED = 0.8
-"""Largest finger speed of the torque law, rad/s."""
-
-
-def opening_in_world(work: Work, opening: Opening) -> Matrix:
-    """Return X_world_opening by the present estimate of the box."""
-    return work.sight.X_world_box @ opening_frame(work.box, opening)
+ROOMY = ChainQuery(least_score=10.0)
+"""What a place must offer the right arm; the motion itself may then come nearer to a limit."""
 
 
-def enter(work: Work, opening: Opening, first: HandWaypoint, speed: float = 0.3) -> Motion:
-    """Bring the right arm on a free path to a motion's first way-point."""
-    X = opening_in_world(work, opening) @ first.X_opening_palm
-    work.body.ask_fingers("right", first.fingers)
-    yield from work.travel_to_palm("right", X, speed)
+def present(work: Work, opening: Opening, right_end: Face, motions: Sequence[Sequence[HandWaypoint]]) -> Motion:
+    """Bring the box, held by the left hand, to the first place where the right arm can follow all motions."""
+    work.phase = "present"
+    held = HeldBox("left", inverse(work.body.palm("left")) @ work.sight.X_world_box, work.box.size / 2)
+    X_box_palm, X_box_opening = inverse(held.X_palm_box), opening_frame(work.box, opening)
+    for place in open_places():
+        X_box = air_pose(place, right_end, opening.face)
+        q_left = work.posture("left", X_box @ X_box_palm, work.collision(held=held))
+        if q_left is None:
+            continue
+        free = _checker(work, held, q_left)
+        if all(plan_course(work, "right", X_box @ X_box_opening, motion, free, ROOMY) for motion in motions):
+            yield from work.travel("left", q_left, speed=0.25)
+            return
+    raise TaskFailed("unreachable: no place where the right arm can open the box that the left hand holds")
 
 
 def play(work: Work, opening: Opening, waypoints: Sequence[HandWaypoint]) -> Motion:
-    """Lead the right hand through way-points given in the opening's frame, each aimed anew when it begins."""
+    """Carry out a motion in the opening's frame: travel to its first way-point, then follow it."""
     body = work.body
-    for waypoint in waypoints:
-        work.phase = waypoint.name
-        X_start = body.asked_palm("right").copy()
-        X_goal = opening_in_world(work, opening) @ waypoint.X_opening_palm
-        q_start = body.asked_fingers("right")
-        q = q_start.copy()
-        driven = np.zeros(len(q), bool) if waypoint.torque_goal is None else np.isfinite(waypoint.torque_goal)
-        count = ticks(body, waypoint.duration_s)
-        for k in range(1, count + 1):
-            u = eased(k / count)
-            body.ask_palm("right", between(X_start, X_goal, u))
-            placed = q_start + u * (waypoint.fingers - q_start)
-            if waypoint.torque_goal is not None:
-                missing = waypoint.torque_goal - body.torque[LAYOUT.hand("right")]
-                speed = np.clip(TORQUE_GAIN * missing, -TORQUE_SPEED, TORQUE_SPEED)
-                q = np.where(driven, q + body.period_s * speed, placed)
-            else:
-                q = placed
-            lower, upper = work.limits("right")
-            q = np.clip(q, lower, upper)
-            body.ask_fingers("right", q)
-            yield
+    X_world_opening = work.sight.X_world_box @ opening_frame(work.box, opening)
+    held = HeldBox("left", inverse(body.palm("left")) @ work.sight.X_world_box, work.box.size / 2)
+    course: Course | None = plan_course(
+        work, "right", X_world_opening, waypoints, _checker(work, held, body.asked_arm("left"))
+    )
+    if course is None:
+        raise TaskFailed("unreachable: the right arm cannot follow the motion at the opening")
+    work.phase = "travel"
+    yield from lead_fingers(body, "right", waypoints[0].fingers)
+    yield from work.travel("right", course.start)
+    yield from follow_course(work, "right", X_world_opening, course)
+
+
+class _checker:  # noqa: N801
+    """Whether the right arm may stand at a way-point: only its hand may come near the box."""
+
+    def __init__(self, work: Work, held: HeldBox, q_left: Vector) -> None:
+        exempt = (("right_hand", "held"), ("right_hand", "left_hand"))
+        q_hands = {side: work.body.asked_fingers(side) for side in SIDES}
+        self._model = ArmCollision(work.cell, q_hands, held, tuple(work.sight.obstacles), exempt)
+        self._q = np.concatenate([np.zeros(ARM_DOF), q_left])
+
+    def __call__(self, number: int, q: Vector) -> bool:
+        self._q[:ARM_DOF] = q
+        return self._model.is_free(self._q, CLEARANCE_M / 2)

@@ -17,26 +17,48 @@ FACING = (-0.79, 0.0, 0.61)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AirPlace:
-    """A place in the air: the box's centre (m) and where the shown face looks."""
+    """A place in the air: the box's centre (m), where the shown face looks, and where the right hand's end cap looks."""
 
     center: Matrix = field(default_factory=lambda: np.array(AIR_A))
     facing: Matrix = field(default_factory=lambda: np.array(FACING))
+    toward_right: Matrix = field(default_factory=lambda: np.array([0.0, -1.0, 0.0]))
 
 
 def air_pose(place: AirPlace, gripped_end: Face, facing_face: Face) -> Matrix:
-    """Return X_world_box with the gripped end cap at the -y side and a long face looking along `place.facing`.
+    """Return X_world_box with the gripped end cap and a long face looking where the place says.
+
+    The end cap looks exactly along `place.toward_right`, the face along what `place.facing` leaves across it.
 
     `ValueError` unless the two faces are perpendicular.
     """
     end, face = face_normal(gripped_end), face_normal(facing_face)
     if abs(end @ face) > 0.5:
         raise ValueError(f"facing_face: got {facing_face}, allowed is a face perpendicular to {gripped_end}")
-    toward_right = np.array([0.0, -1.0, 0.0])
+    toward_right = place.toward_right
     n = place.facing - (place.facing @ toward_right) * toward_right
     n = n / np.linalg.norm(n)
     box_axes = np.column_stack([face, end, np.cross(face, end)])
     world_axes = np.column_stack([n, toward_right, np.cross(n, toward_right)])
     return transform(place.center, world_axes @ box_axes.T)
+
+
+def open_places() -> tuple[AirPlace, ...]:
+    """Return places for a box that the left hand holds while the right hand opens it, the roomiest first.
+
+    Found by ranking a grid of places by the score of the right arm's worst posture through push and opening:
+    near the robot, the free end turned to it, and the opening rather up, so that the elbow stays low.
+    """
+    places: list[AirPlace] = []
+    for elevation_deg in (80.0, 60.0, 95.0, 40.0):
+        for yaw_deg in (-40.0, -25.0, -55.0):
+            for x in (0.42, 0.48):
+                for y in (-0.05, 0.05):
+                    for z in (0.45, 0.38):
+                        elevation, yaw = np.deg2rad(elevation_deg), np.deg2rad(yaw_deg)
+                        Rz = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1.0]])
+                        facing = Rz @ np.array([-np.cos(elevation), 0.0, np.sin(elevation)])
+                        places.append(AirPlace(np.array([x, y, z]), facing, Rz @ np.array([0.0, -1.0, 0.0])))
+    return tuple(places)
 
 
 def upper_face(X_world_box: Matrix, faces: tuple[Face, ...]) -> Face:
