@@ -184,12 +184,13 @@ def test_the_cause_is_the_errors_then_the_loops_then_the_controllers_then_the_re
     done, stop = ended(LoopOutcome.FINISHED, "done"), ended(LoopOutcome.SAFETY_STOP, "watchdog")
     said = "task 4 (crush): stalled: no way on: still 20 mm"
     assert name_failure(VERDICT, done, 5, None, None) is None
+    assert name_failure(VERDICT, stop, 5, said, "error: after the end") is None
     assert str(name_failure(bad, None, 2, said, "error: x")) == "task 2 (inspect): error: x"
     failure = name_failure(bad, stop, 4, said, None)
     assert failure is not None and failure.cause == "safety stop: watchdog"
     failure = name_failure(bad, done, 4, said, None)
     assert failure is not None and failure.cause == "stalled: no way on: still 20 mm"
-    assert "dropped" in failure.also
+    assert failure.also == ("dropped",), "and not what a failed task leaves undone anyway"
     failure = name_failure(bad, done, 5, None, None)
     assert failure is not None and (failure.task, failure.cause) == (4, "dropped: at 3.50 s")
 

@@ -19,7 +19,7 @@ LOOP_CAUSES = {
 class Failure:
     """A named failure: the task in which it happened and its cause, whose words before the first colon are its class.
 
-    `also` lists everything else that the referee holds against the run.
+    `also` lists what else the referee holds against the run, except what a failed task leaves undone anyway.
     """
 
     task: int
@@ -39,16 +39,23 @@ def name_failure(
     `error`, of a run that was given up or not begun, counts before the loop's end, that before the controller's
     own word, and that before the referee's. `task` is what the controller was doing at last.
     """
-    if error is not None:
-        return Failure(task, error)
-    if ended is not None and ended.outcome in LOOP_CAUSES and not verdict.success:
-        return Failure(task, f"{LOOP_CAUSES[ended.outcome]}: {ended.reason}", verdict.failures)
     if verdict.success:
         return None
+    if error is not None:
+        return Failure(task, error)
+    if ended is not None and ended.outcome in LOOP_CAUSES:
+        return Failure(task, f"{LOOP_CAUSES[ended.outcome]}: {ended.reason}", _beyond_undone(verdict))
     if controller_failure is not None:
-        return Failure(task, controller_failure.partition("): ")[2] or controller_failure, verdict.failures)
+        return Failure(task, controller_failure.partition("): ")[2] or controller_failure, _beyond_undone(verdict))
     first = _first_seen(verdict)
-    return Failure(first[0], first[1], tuple(name for name in verdict.failures if not _same(name, first[1])))
+    others = (name for name in _beyond_undone(verdict) if name.split(":")[0] != first[1].split(":")[0])
+    return Failure(first[0], first[1], tuple(others))
+
+
+def _beyond_undone(verdict: Verdict) -> tuple[str, ...]:
+    """Return the referee's objections that do not follow from a task not being done."""
+    all_done = all(task.done for task in verdict.tasks)
+    return tuple(name for name in verdict.failures if all_done or not name.startswith(("task ", "torn fraction ")))
 
 
 def _first_seen(verdict: Verdict) -> tuple[int, str]:
@@ -74,7 +81,3 @@ def _named(verdict: Verdict) -> list[str]:
 def _task_at(verdict: Verdict, time_s: float) -> int:
     done = [task.task for task in verdict.tasks if task.end_s is not None and task.end_s <= time_s]
     return min(max(done, default=0) + 1, len(TASK_NAMES))
-
-
-def _same(failure: str, cause: str) -> bool:
-    return failure.split(":")[0] == cause.split(":")[0] or (failure.startswith("task") and cause.startswith("not done"))
