@@ -26,8 +26,10 @@ class AreaProblem:
     opening: Opening | None
     palm_on_end_caps_only: bool = False
     usable: Usable | None = None
-    _asked: dict[tuple[Hand, Task], int] = field(default_factory=dict[tuple[Hand, Task], int], repr=False)
-    """Answers of `usable`, as bits: each is asked for once, also by problems derived from this one."""
+    _asked: dict[tuple[Hand, Task], tuple[int, int]] = field(
+        default_factory=dict[tuple[Hand, Task], tuple[int, int]], repr=False
+    )
+    """Components that `usable` was asked about and those it allowed: each is asked once, also by derived problems."""
 
     @property
     def covers(self) -> Covers:
@@ -53,26 +55,30 @@ class AreaProblem:
             return self.sections.opened_faces(self.opening).mask
         return self.wanted(block)
 
-    def allowed(self, hand: Hand, *tasks: Task) -> int:
-        """Return the components that a hand may use in all these tasks, whatever the areas."""
-        chosen = on_end_caps() if self.palm_on_end_caps_only else EVERY
+    def allowed(self, hand: Hand, *tasks: Task, among: int = EVERY) -> int:
+        """Return the components, `among` some, that a hand may use in all these tasks, whatever the areas.
+
+        A component is asked about only while it is still in question: an answer may take an arm's inverse kinematics.
+        """
+        chosen = among & (on_end_caps() if self.palm_on_end_caps_only else EVERY)
         for task in tasks:
-            chosen &= self._usable_in(hand, task)
+            chosen = self._usable_in(hand, task, chosen)
         return chosen
 
-    def _usable_in(self, hand: Hand, task: Task) -> int:
+    def _usable_in(self, hand: Hand, task: Task, among: int) -> int:
         if self.usable is None:
-            return EVERY
-        found = self._asked.get((hand, task))
-        if found is None:
-            every = enumerate(all_components(self.sections.long_axis))
-            found = sum(1 << k for k, component in every if self.usable(hand, task, component))
-            self._asked[hand, task] = found
-        return found
+            return among
+        asked, able = self._asked.get((hand, task), (0, 0))
+        for k, component in enumerate(all_components(self.sections.long_axis)):
+            if among & ~asked & 1 << k and self.usable(hand, task, component):
+                able |= 1 << k
+        self._asked[hand, task] = asked | among, able
+        return able & among
 
-    def allowed_in(self, block: Block) -> int:
-        """Return the components that a grasp block's hand may use in all its tasks."""
-        return self.allowed(cast(Hand, block.resource), *self.procedure.tasks[block.first - 1 : block.last])
+    def allowed_in(self, block: Block, among: int = EVERY) -> int:
+        """Return the components, `among` some, that a grasp block's hand may use in all its tasks."""
+        tasks = self.procedure.tasks[block.first - 1 : block.last]
+        return self.allowed(cast(Hand, block.resource), *tasks, among=among)
 
     def free_of_given(self, block: Block, given: tuple[Block, ...]) -> int:
         """Return the components that keep out of these given areas where they share a task with a grasp block."""

@@ -153,7 +153,7 @@ def _literal(problem: AreaProblem, order: tuple[Block, ...], numbers: Priorities
     for block, mask in masks.items():
         candidates, chosen = 0, None
         if block.want == "grasp":
-            candidates = problem.allowed_in(block) & surviving(mask)
+            candidates = problem.allowed_in(block, surviving(mask))
             chosen = _picked(problem, block, candidates, choose) if candidates else None
             failed = chosen is None
         else:

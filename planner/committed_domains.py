@@ -59,7 +59,7 @@ def given_clash(problem: AreaProblem, blocks: Collection[Block]) -> tuple[Block,
 def start_domains(problem: AreaProblem, blocks: Collection[Block]) -> Domains:
     """Return the components of each grasp block that keep out of all given areas met and that its hand may use."""
     given = tuple(b for b in blocks if b.want != "grasp")
-    return {b: problem.allowed_in(b) & problem.free_of_given(b, given) for b in blocks if b.want == "grasp"}
+    return {b: problem.allowed_in(b, problem.free_of_given(b, given)) for b in blocks if b.want == "grasp"}
 
 
 def holds(problem: AreaProblem, blocks: Collection[Block]) -> bool:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Iterable
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from preshape.hal import sah_hand
 from preshape.hal.layout import Side
-from preshape.hal.transform import Matrix
+from preshape.hal.transform import Matrix, inverse
+from preshape.hal.world import OrientedBox
+from preshape.planner.compiled import compiled
 from preshape.planner.hand_kinematics import PART_NAMES, hand_kinematics
 
 BOX_SAMPLES = 7
@@ -59,3 +62,37 @@ def part_clearances(side: Side, X_box_palm: Matrix, joints: ArrayLike, half: Arr
     clearance = np.full(len(PART_NAMES), np.inf)
     np.minimum.at(clearance, parts, box_distance(at, half) - radii)
     return clearance
+
+
+@lru_cache(maxsize=256)
+def _points(side: Side, joints: bytes) -> tuple[Matrix, Matrix]:
+    parts, points, radii = _samples(side)
+    X = hand_kinematics(side).part_poses(np.frombuffer(joints))
+    return np.einsum("nij,nj->ni", X[parts, :3, :3], points) + X[parts, :3, 3], radii
+
+
+@compiled
+def _least(points: Matrix, radii: Matrix, R: Matrix, p: Matrix, half: Matrix) -> float:
+    """Return the least of |R x + p from the box| - radius over all points x."""
+    least = np.inf
+    for n in range(points.shape[0]):
+        outside, deepest = 0.0, -np.inf
+        for i in range(3):
+            at = R[i, 0] * points[n, 0] + R[i, 1] * points[n, 1] + R[i, 2] * points[n, 2] + p[i]
+            gap = abs(at) - half[i]
+            deepest = max(deepest, gap)
+            if gap > 0.0:
+                outside += gap * gap
+        least = min(least, (np.sqrt(outside) if outside > 0.0 else deepest) - radii[n])
+    return least
+
+
+def hand_clearance(side: Side, X_world_palm: Matrix, joints: Matrix, boxes: Iterable[OrientedBox]) -> tuple[float, str]:
+    """Return the hand's least distance (m, sampled as above) from boxes in the world, and the nearest one's name."""
+    points, radii = _points(side, np.ascontiguousarray(joints, dtype=float).tobytes())
+    nearest = np.inf, ""
+    for box in boxes:
+        X = inverse(box.X_world_box) @ X_world_palm
+        distance = _least(points, radii, X[:3, :3], X[:3, 3], np.asarray(box.half, float))
+        nearest = min(nearest, (distance, box.name))
+    return nearest

@@ -46,7 +46,7 @@ def _allowed(problem: AreaProblem, hand: Hand, number: int) -> int:
         return OFF_BIT
     given = tuple(b for b in problem.procedure.blocks if b.want != "grasp" and b.covers(number))
     task = problem.procedure.tasks[number - 1]
-    return problem.allowed(hand, task) & problem.free_of_given(Block(hand, number, number), given)
+    return problem.allowed(hand, task, among=problem.free_of_given(Block(hand, number, number), given))
 
 
 def _onto(problem: AreaProblem, hand: Hand, number: int) -> Onto | None:
@@ -58,7 +58,7 @@ def _onto(problem: AreaProblem, hand: Hand, number: int) -> Onto | None:
     other = HANDS[1 - HANDS.index(hand)]
 
     def free(who: Hand) -> int:
-        return problem.allowed(who, task) & problem.free_of_given(Block(who, number, number), given)
+        return problem.allowed(who, task, among=problem.free_of_given(Block(who, number, number), given))
 
     stays = helper or _grasp(problem, other, number, number + 1) is not None
     return Onto(hand == "r", free(hand), free(other) if stays else OFF_BIT, helper)

@@ -36,7 +36,7 @@ def literal_certificate(
         taken = 0
         for other in blocks:
             taken |= masks[other]
-        return not surviving(WHOLE & ~taken) & restrictions.allowed_in(block)
+        return not restrictions.allowed_in(block, surviving(WHOLE & ~taken))
 
     without_usable = replace(problem, usable=None)
     problem = without_usable if empty(without_usable, higher) else problem

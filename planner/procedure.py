@@ -12,6 +12,9 @@ Hand = Literal["r", "l"]
 Resource = Literal["r", "l", "c"]
 Main = Literal["r", "l", "c", "none"]
 Want = Literal["grasp", "opening", "middle", "candidates"]
+Place = Literal["here", "lifted", "shown", "handed over", "opened"]
+"""Where a task has the object: where it is now; straight above; in the air with every face that may carry the opening
+to the camera in turn; in the air with the opening's face forward; at one of the places that suit opening it."""
 
 HANDS: tuple[Hand, Hand] = ("r", "l")
 RESOURCES: tuple[Resource, Resource, Resource] = ("r", "l", "c")
@@ -34,6 +37,7 @@ class Task:
         main: the resource that does the task's work; "none" where no hand or camera leads.
         holder: the hand that holds the box when the task ends, None while the box rests.
         regrasps: in an added regrasp, the hand that lets go and grasps anew.
+        place: where the object is in it.
     """
 
     name: str
@@ -41,6 +45,7 @@ class Task:
     main: Main = "none"
     holder: Hand | None = None
     regrasps: Hand | None = None
+    place: Place = "here"
 
     def __post_init__(self) -> None:
         if self.tau < 1:
@@ -148,10 +153,10 @@ class Procedure:
 PAPER_PROCEDURE = Procedure(
     tasks=(
         Task("grasp", 1, "none", "r"),
-        Task("find", 1, "c", "r"),
-        Task("regrasp", 2, "none", "l"),
-        Task("crush", 1, "r", "l"),
-        Task("open", 1, "r", "l"),
+        Task("find", 1, "c", "r", place="shown"),
+        Task("regrasp", 2, "none", "l", place="handed over"),
+        Task("crush", 1, "r", "l", place="opened"),
+        Task("open", 1, "r", "l", place="opened"),
     ),
     blocks=(
         Block("r", 1, 3),
@@ -162,3 +167,9 @@ PAPER_PROCEDURE = Procedure(
     ),
 )
 """The five tasks of section II with the equalities of eq. (1)."""
+
+LIFT_PROCEDURE = Procedure(
+    tasks=(Task("grasp", 1, "none", "r"), Task("lift", 1, "none", "r", place="lifted")),
+    blocks=(Block("r", 1, 2),),
+)
+"""What is done with an object that has no opening: take it and lift it."""

@@ -132,4 +132,4 @@ def _literal_cause(problem: AreaProblem) -> Certificate:
 def _left(problem: AreaProblem, block: Block, mask: int) -> bool:
     if block.want != "grasp":
         return mask == problem.wanted(block)
-    return surviving(mask) & problem.allowed_in(block) != 0
+    return problem.allowed_in(block, surviving(mask)) != 0
