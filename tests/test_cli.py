@@ -113,7 +113,7 @@ def test_a_run_writes_all_its_files_and_prints_the_folder_last(
     assert any("task 1 grasp: look" in line for line in lines)
     assert any("storyboard.png" in line for line in lines)
     names = {path.name for path in out.iterdir()}
-    assert names == {"report.json", "report.html", "recording.rrd", "storyboard.png"}
+    assert names == {"report.json", "report.html", "recording.rrd", "plan.png", "storyboard.png"}
     assert decode_report((out / "report.json").read_bytes()).seed == 5
 
 

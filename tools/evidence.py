@@ -7,6 +7,7 @@ from collections.abc import Callable
 from preshape.hal.state import Vector
 from preshape.hal.tick_record import TickRecord, text_of
 from preshape.hal.world import NominalBox, Workcell
+from preshape.tools.plan_drawing import PlanDrawing
 from preshape.tools.rerun_recording import RerunRecording
 from preshape.tools.storyboard import StoryboardRecorder
 
@@ -31,12 +32,13 @@ class StoryboardObserver:
 
 
 class Evidence:
-    """The observers of one run that keep something; either may be missing."""
+    """The observers of one run that keep something, and what its plan looked like; any may be missing."""
 
     def __init__(self) -> None:
         """Keep nothing yet."""
         self.recording: RerunRecording | None = None
         self.storyboard: StoryboardObserver | None = None
+        self.plan: PlanDrawing | None = None
 
     def keep_records(self, workcell: Workcell, box: NominalBox) -> RerunRecording:
         """Return the observer for the recording and the plots."""

@@ -16,7 +16,7 @@ from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import SCHEMA, LoopReport, Report, SimReport, TaskReport, loop_report, referee_report
 from preshape.tools.run_failure import name_failure
 from preshape.tools.run_options import RunOptions
-from preshape.tools.run_plan import report_plan
+from preshape.tools.run_plan import RunPlan, plan_report
 from preshape.tools.run_world import Ended
 
 
@@ -35,7 +35,9 @@ class Course:
     held: int = 0
 
 
-def run_report(drawn: Scenario, options: RunOptions, course: Course, ended: Ended, watching: Observers) -> Report:
+def run_report(
+    drawn: Scenario, options: RunOptions, course: Course, ended: Ended, plan: RunPlan, watching: Observers
+) -> Report:
     """Return the report of a run of a drawn scenario; task times count from the loop's start."""
     controller, verdict, result = course.controller, ended.verdict, course.result
     work = controller.work
@@ -52,7 +54,7 @@ def run_report(drawn: Scenario, options: RunOptions, course: Course, ended: Ende
         failed_task=None if failure is None else failure.task,
         cause=None if failure is None else failure.cause,
         tasks=_tasks(course, ended),
-        plan=report_plan(work.box, work.opening, work.grips),
+        plan=plan_report(plan),
         commands_sha256="" if result is None else result.commands_sha256,
         referee=referee_report(verdict),
         loop=_loop_report(course),

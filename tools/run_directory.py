@@ -8,7 +8,8 @@ from pathlib import Path
 from preshape.sim_backend.scene import build_scene
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.evidence import Evidence
-from preshape.tools.raster import save_png
+from preshape.tools.plan_picture import plan_picture
+from preshape.tools.raster import Picture, save_png
 from preshape.tools.report import encode_report
 from preshape.tools.report_html import report_page
 from preshape.tools.run_result import RunResult
@@ -34,7 +35,7 @@ def choose_directory(out: Path | None, scenario: str, seed: int) -> Path:
 
 
 def write_run(result: RunResult, directory: Path) -> dict[str, Path]:
-    """Write report.json, and what was kept: recording.rrd, storyboard.png; then report.html. Return all by name."""
+    """Write report.json and what was kept: recording.rrd, plan.png, storyboard.png; then report.html. Return all."""
     files = {"report": directory / "report.json"}
     files["report"].write_bytes(encode_report(result.report))
     evidence = result.evidence or Evidence()
@@ -42,17 +43,20 @@ def write_run(result: RunResult, directory: Path) -> dict[str, Path]:
     records, timing = (None, None) if recording is None else (recording.records(), recording.timing())
     if recording is not None and records is not None and len(records):
         files["recording"] = recording.write(directory / "recording.rrd")
-    storyboard = write_storyboard(result, directory / "storyboard.png")
+    if evidence.plan is not None:
+        files["plan"] = save_png(plan_picture(evidence.plan), directory / "plan.png")
+    storyboard = _storyboard(result)
     if storyboard is not None:
-        files["storyboard"] = storyboard
+        files["storyboard"] = save_png(storyboard, directory / "storyboard.png")
+    pictures = {name: files[name].read_bytes() for name in ("storyboard", "plan") if name in files}
     files["page"] = directory / "report.html"
-    picture = None if storyboard is None else storyboard.read_bytes()
-    files["page"].write_text(report_page(result.report, picture, None, records, timing), "utf-8")
+    page = report_page(result.report, pictures.get("storyboard"), pictures.get("plan"), records, timing)
+    files["page"].write_text(page, "utf-8")
     return files
 
 
-def write_storyboard(result: RunResult, path: Path) -> Path | None:
-    """Draw the storyboard of a run that has kept snapshots and return its path, None if there is nothing to draw."""
+def _storyboard(result: RunResult) -> Picture | None:
+    """Return the storyboard of a run that has kept snapshots, None if there is nothing to draw."""
     evidence = result.evidence
     if evidence is None or evidence.storyboard is None:
         return None
@@ -60,4 +64,4 @@ def write_storyboard(result: RunResult, path: Path) -> Path | None:
     if not frames:
         return None
     title = f"{result.scenario.name}, seed {result.scenario.seed}: {result.failure or 'the box is open'}"
-    return save_png(storyboard_picture(build_scene(result.scenario), frames, title=title), path)
+    return storyboard_picture(build_scene(result.scenario), frames, title=title)

@@ -32,6 +32,7 @@ from preshape.tools.patient import PatientController
 from preshape.tools.real_time import empty_lateness, real_time
 from preshape.tools.run_course import Course, exit_code, run_report
 from preshape.tools.run_options import RunOptions
+from preshape.tools.run_plan import plan_drawing, plan_run
 from preshape.tools.run_result import RunResult
 from preshape.tools.run_world import RunWorld, open_world
 
@@ -84,7 +85,11 @@ def run_session(
                 watching.add(evidence.keep_pictures(world.scene_positions))
             _run(course, world.clock, options.paced)
         ended = world.finish()
-    report = run_report(drawn, options, course, ended, watching)
+    work = course.controller.work
+    plan = plan_run(work.box, work.opening, work.grips)
+    report = run_report(drawn, options, course, ended, plan, watching)
+    if options.pictures and cause is None:
+        evidence.plan = plan_drawing(plan)
     kept = evidence if evidence.recording or evidence.storyboard else None
     return RunResult(drawn, report, exit_code(report, course), kept)
 
