@@ -17,7 +17,7 @@ from preshape.tools.area_oracle import (
     AreaOracle,
     Cells,
     Patches,
-    committed_choices,
+    committed_choice,
     exhaustive_regrasps,
     feasible,
     literal_holds,
@@ -113,7 +113,7 @@ def _committed_differences(oracle: AreaOracle, areas: Areas) -> Iterator[str]:
         cause = areas.certificate
 
         def empties(at: AreaOracle, blocks: tuple[Block, ...]) -> bool:
-            return next(committed_choices(at, procedure, blocks), None) is None
+            return committed_choice(at, procedure, blocks) is None
 
         yield from _cause_differences(oracle, cause, (cause.block, *cause.constraints), empties)
         return
@@ -123,7 +123,8 @@ def _committed_differences(oracle: AreaOracle, areas: Areas) -> Iterator[str]:
         if block.want != "grasp":
             continue
         every = oracle.components(oracle.whole())
-        choices = {c for c in every if any(committed_choices(oracle, procedure, procedure.blocks, {**fixed, block: c}))}
+        joint = [(c, committed_choice(oracle, procedure, procedure.blocks, {**fixed, block: c})) for c in every]
+        choices = {c for c, found in joint if found is not None}
         if set(area.candidates) != choices:
             yield f"{block}: {len(area.candidates)} candidates, oracle: {len(choices)}"
         if area.chosen is None or area.chosen not in area.candidates:

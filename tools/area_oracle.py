@@ -149,37 +149,59 @@ def literal_some_order(oracle: AreaOracle, procedure: Procedure) -> bool:
     return placed({})
 
 
-def committed_choices(
+def committed_choice(
     oracle: AreaOracle, procedure: Procedure, blocks: Sequence[Block], fixed: Mapping[Block, Component] | None = None
-) -> Iterator[Choice]:
-    """Yield every joint choice of components for the grasps among these blocks that agrees with the fixed ones."""
+) -> Choice | None:
+    """Return a joint choice of components for the grasps among these blocks, by trying all; None if there is none.
+
+    Grasps that do not meet, not even by way of others, are tried group by group. `fixed` ones are kept.
+    """
     given = [b for b in blocks if b.want != "grasp"]
     if any(meet(a, b) and oracle.wanted(a) & oracle.wanted(b) for a, b in product(given, given)):
-        return
-    grasps = [b for b in blocks if b.want == "grasp"]
+        return None
     domains: dict[Block, list[Component]] = {}
-    for block in grasps:
-        area = oracle.whole().difference(*(oracle.kept_out(g) for g in given if meet(g, block)))
-        found = oracle.able(procedure, block, oracle.components(area))
-        domains[block] = [c for c in found if fixed is None or fixed.get(block, c) == c]
+    for block in blocks:
+        if block.want == "grasp":
+            area = oracle.whole().difference(*(oracle.kept_out(g) for g in given if meet(g, block)))
+            found = oracle.able(procedure, block, oracle.components(area))
+            domains[block] = [c for c in found if fixed is None or fixed.get(block, c) == c]
 
-    def extended(chosen: Choice, left: list[Block]) -> Iterator[Choice]:
+    def extended(chosen: Choice, left: list[Block]) -> Choice | None:
         if not left:
-            yield chosen
-            return
+            return chosen
         block, *rest = left
         for component in domains[block]:
             if all(oracle.compatible(component, c) for b, c in chosen.items() if meet(b, block)):
-                yield from extended({**chosen, block: component}, rest)
+                found = extended({**chosen, block: component}, rest)
+                if found is not None:
+                    return found
+        return None
 
-    yield from extended({}, sorted(grasps, key=lambda b: b.first))
+    joint: Choice = {}
+    left = set(domains)
+    while left:
+        group = _group(left)
+        left -= group
+        found = extended({}, sorted(group, key=lambda b: len(domains[b])))
+        if found is None:
+            return None
+        joint |= found
+    return joint
+
+
+def _group(blocks: set[Block]) -> set[Block]:
+    """Return some of the blocks that hang together."""
+    group = {next(iter(blocks))}
+    while more := {b for b in blocks - group if any(meet(a, b) for a in group)}:
+        group |= more
+    return group
 
 
 def feasible(oracle: AreaOracle, procedure: Procedure, reading: Reading) -> bool:
     """Return whether a procedure has areas for all: with some order, or with some joint choice of components."""
     if reading == "literal":
         return literal_some_order(oracle, procedure)
-    return next(committed_choices(oracle, procedure, procedure.blocks), None) is not None
+    return committed_choice(oracle, procedure, procedure.blocks) is not None
 
 
 def exhaustive_regrasps(oracle: AreaOracle, reading: Reading, limit: int) -> int | None:
