@@ -14,7 +14,7 @@ from preshape.control.opening_motion import HandWaypoint
 from preshape.control.work import CLEARANCE_M, Work
 from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, inverse
+from preshape.hal.transform import inverse
 from preshape.hal.world import Face, Opening
 from preshape.planner.air_pose import air_pose, open_places
 from preshape.planner.arm_capsules import HeldBox
@@ -35,7 +35,7 @@ def present(work: Work, opening: Opening, right_end: Face, motions: Sequence[Seq
         q_left = work.posture("left", X_box @ X_box_palm, work.collision(held=held))
         if q_left is None:
             continue
-        free = _checker(work, held, q_left)
+        free = _Checker(work, held, q_left)
         if all(plan_course(work, "right", X_box @ X_box_opening, motion, free, ROOMY) for motion in motions):
             yield from work.travel("left", q_left, speed=0.25)
             return
@@ -48,7 +48,7 @@ def play(work: Work, opening: Opening, waypoints: Sequence[HandWaypoint]) -> Mot
     X_world_opening = work.sight.X_world_box @ opening_frame(work.box, opening)
     held = HeldBox("left", inverse(body.palm("left")) @ work.sight.X_world_box, work.box.size / 2)
     course: Course | None = plan_course(
-        work, "right", X_world_opening, waypoints, _checker(work, held, body.asked_arm("left"))
+        work, "right", X_world_opening, waypoints, _Checker(work, held, body.asked_arm("left"))
     )
     if course is None:
         raise TaskFailed("unreachable: the right arm cannot follow the motion at the opening")
@@ -58,12 +58,12 @@ def play(work: Work, opening: Opening, waypoints: Sequence[HandWaypoint]) -> Mot
     yield from follow_course(work, "right", X_world_opening, course)
 
 
-class _checker:  # noqa: N801
+class _Checker:
     """Whether the right arm may stand at a way-point: only its hand may come near the box."""
 
     def __init__(self, work: Work, held: HeldBox, q_left: Vector) -> None:
         exempt = (("right_hand", "held"), ("right_hand", "left_hand"))
-        q_hands = {side: work.body.asked_fingers(side) for side in SIDES}
+        q_hands: dict[Side, Vector] = {side: work.body.asked_fingers(side) for side in SIDES}
         self._model = ArmCollision(work.cell, q_hands, held, tuple(work.sight.obstacles), exempt)
         self._q = np.concatenate([np.zeros(ARM_DOF), q_left])
 

@@ -17,7 +17,7 @@ FACING = (-0.79, 0.0, 0.61)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AirPlace:
-    """A place in the air: the box's centre (m), where the shown face looks, and where the right hand's end cap looks."""
+    """A place in the air: the box's centre (m), where the shown face and the right hand's end cap look."""
 
     center: Matrix = field(default_factory=lambda: np.array(AIR_A))
     facing: Matrix = field(default_factory=lambda: np.array(FACING))
