@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 from multiprocessing.connection import Connection
 
 import mujoco
@@ -26,6 +27,7 @@ def run_camera(
     pixels: ctypes.Array[ctypes.c_char],
 ) -> None:
     """Answer each request (expected X_world_box or None) with when the image was taken, until None comes alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
     simulation = Simulation(scenario)
     cast = image_cast(simulation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import signal
 import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -47,6 +48,8 @@ def run_physics(
     command_memory: ctypes.Array[ctypes.c_char],
 ) -> None:
     """Run until `Finish`, or until the other end of `requests` is gone."""
+    # Ctrl-C reaches every process of a terminal: how the run ends is the controller's to say.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     physics = _PacedPhysics(scenario, watchdog_cycles, requests, state_memory, command_memory)
     gc.collect()
     gc.freeze()

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from preshape.tools.configuration import load_scenario
@@ -44,3 +50,24 @@ def test_a_paced_run_reports_its_lateness_beside_an_empty_loops() -> None:
     assert report.loop.outcome in ("time up", "safety stop")
     assert report.sim.seconds > 0.0
     assert decode_report(encode_report(report)) == report
+
+
+def test_ctrl_c_stops_a_paced_run_with_all_its_processes_and_leaves_a_report(tmp_path: Path) -> None:
+    arguments = ["run", "--paced", "--time-limit-s", "60", "--no-pictures", "--out", str(tmp_path)]
+    program = f"from preshape.tools.cli import main; main({arguments!r})"
+    # A session of its own, as a terminal makes one: the interrupt reaches every process in it.
+    with subprocess.Popen(
+        [sys.executable, "-u", "-c", program], stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as run:
+        assert run.stdout is not None
+        try:
+            assert "task 1 grasp" in run.stdout.readline()
+            os.killpg(run.pid, signal.SIGINT)
+            printed, _ = run.communicate(timeout=60)
+        finally:
+            if run.poll() is None:
+                os.killpg(run.pid, signal.SIGKILL)
+    assert run.returncode == 4, printed
+    report = decode_report((tmp_path / "report.json").read_bytes())
+    assert report.loop.outcome == "stopped"
+    assert "interrupted from the keyboard" in report.loop.reason
