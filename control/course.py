@@ -10,13 +10,15 @@ import numpy as np
 from preshape.control.motions import Motion, between, eased, ticks
 from preshape.control.opening_motion import HandWaypoint
 from preshape.control.work import Work
-from preshape.hal.layout import Side
+from preshape.hal.layout import LAYOUT, Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, log_so3
 from preshape.planner.arm_chain import ChainQuery, posture_chain
 
-TURN_RAD = 0.25
+TURN_RAD = 0.18
 """Legs that turn the hand by more than this get postures in between, rad."""
+SPEED_SHARE = 0.35
+"""Share of the joint speed limits that a leg may use."""
 HURRY = 4.0
 """How much faster than usual the arm drifts to the course's postures."""
 
@@ -71,7 +73,7 @@ def follow_course(work: Work, side: Side, X_world_opening: Matrix, course: Cours
         X_start, X_goal = body.asked_palm(side).copy(), X_world_opening @ waypoint.X_opening_palm
         q_start = body.asked_fingers(side)
         knots = np.vstack([q_last, postures])
-        count = ticks(body, waypoint.duration_s)
+        count = ticks(body, max(waypoint.duration_s, _least_seconds(side, knots)))
         for k in range(1, count + 1):
             u = eased(k / count)
             body.ask_palm(side, between(X_start, X_goal, u))
@@ -81,10 +83,14 @@ def follow_course(work: Work, side: Side, X_world_opening: Matrix, course: Cours
         q_last = postures[-1]
 
 
+def _least_seconds(side: Side, knots: Matrix) -> float:
+    """Return how long an eased leg through postures (k, 7) must take to keep within a share of the speed limits."""
+    share = np.abs(np.diff(knots, axis=0)) / LAYOUT.velocity[LAYOUT.arm(side)]
+    return 15.0 / 8.0 * float(share.max()) * (len(knots) - 1) / SPEED_SHARE
+
+
 def _at(knots: Matrix, u: float) -> Vector:
     """Return the posture a share u of the way through equally spaced knots (k, 7)."""
     place = u * (len(knots) - 1)
     k = min(int(place), len(knots) - 2)
     return knots[k] + (place - k) * (knots[k + 1] - knots[k])
-
-

@@ -34,8 +34,8 @@ class ChainQuery:
 
     grid: IkGrid = IkGrid(q7_samples=61)
     least_score: float = 4.0
-    largest_step_rad: float = 0.8
-    limit_weight: float = 1.0
+    largest_step_rad: float = 0.5
+    limit_weight: float = 0.3
     most: int = 160
 
 

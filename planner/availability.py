@@ -53,9 +53,13 @@ def posture(side: Side, X_world_base: Matrix, X_world_palm: Matrix) -> Reach:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmPose:
-    """A place where a hand holds the object: the object, the palm, the arm's joints (7) rad and their score."""
+    """A place where a hand holds the object: the object, the palm, the arm's joints (7) rad and their score.
+
+    `face`: the one that is taken to carry the opening there, None where that does not matter.
+    """
 
     place: Place
+    face: Face | None
     X_world_object: Matrix
     X_world_palm: Matrix
     q_arm: Matrix
@@ -155,7 +159,7 @@ class Availability:
         poses: dict[Face | None, ArmPose] = {}
         hidden = [0.0]
         for face, alternatives in self.scene.object_poses(self.part, hand, option.component, place).items():
-            pose = self._reached(hand, place, option, alternatives)
+            pose = self._reached(hand, place, face, option, alternatives)
             if pose is None:
                 reason = "out of the arm's reach"
                 continue
@@ -183,12 +187,12 @@ class Availability:
         if not option.preshape.reached:
             width, miss = option.box.grasped_width * 1e3, option.preshape.residual_m * 1e3
             yield f"beyond the hand's span: {width:.0f} mm between the faces, fingertips miss by {miss:.0f} mm"
-        if not (option.closure.by_line and option.closure.by_cones):
-            yield "no force closure"
         boxes = self.scene.target.boxes(np.eye(4))
         distance, name = hand_clearance(option.side, option.X_object_palm, option.q_hand, boxes)
         if distance < 0.0:
             yield f"the hand would overlap the object's {name} by {-distance * 1e3:.0f} mm"
+        if not (option.closure.by_line and option.closure.by_cones):
+            yield "no force closure"
 
     def _blocked_here(self, option: GraspOption) -> str:
         X = self.scene.X_world_object
@@ -212,7 +216,9 @@ class Availability:
                 return body.name
         return ""
 
-    def _reached(self, hand: Hand, place: Place, option: GraspOption, alternatives: Poses) -> ArmPose | None:
+    def _reached(
+        self, hand: Hand, place: Place, face: Face | None, option: GraspOption, alternatives: Poses
+    ) -> ArmPose | None:
         side = SIDE_OF[hand]
         X_world_base = self.scene.cell.X_world_base[side]
         for X_world_object in alternatives:
@@ -224,7 +230,7 @@ class Availability:
                 X_before = X_palm @ transform((0.0, 0.0, -PREGRASP_M))
                 if posture(side, X_world_base, X_before).status is not ReachStatus.REACHABLE:
                     continue
-            return ArmPose(place, X_world_object, X_palm, found.q, found.score)
+            return ArmPose(place, face, X_world_object, X_palm, found.q, found.score)
         return None
 
     def _hidden(self, option: GraspOption, pose: ArmPose, face: Face) -> float:

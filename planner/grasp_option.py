@@ -38,7 +38,6 @@ class GraspOption:
         fingers: which fingers touch, thumb first.
         tips: desired fingertips p_fid of eq. (4) in the PB's frame (n, 3), m.
         preshape: the answer of eq. (5); its "world" is the preshaping box.
-        closure: both force-closure tests of the fingertips laid on the faces.
         X_object_pb: pose of the preshaping box in the object's frame.
         X_object_palm: pose of the palm at the preshape in the object's frame.
     """
@@ -50,7 +49,6 @@ class GraspOption:
     fingers: tuple[str, ...]
     tips: Matrix
     preshape: PreshapeResult
-    closure: ForceClosure
     X_object_pb: Matrix
     X_object_palm: Matrix
 
@@ -70,6 +68,12 @@ class GraspOption:
         return self.box.thumb_face
 
     @property
+    def closure(self) -> ForceClosure:
+        """Both force-closure tests of the fingertips laid on the faces."""
+        flat = tuple(round(float(v), _DIGITS) for p in self._touching() for v in p)
+        return _closure(self.side, flat, self.part.box.friction_range[0])
+
+    @property
     def q_hand(self) -> Matrix:
         """Finger joints (13) at the preshape, rad."""
         return self.preshape.joints
@@ -82,9 +86,13 @@ class GraspOption:
     @property
     def contacts_object(self) -> Matrix:
         """Where the fingertips will touch the part (n, 3), in the object's frame, m."""
+        return self._touching() @ self.X_object_pb[:3, :3].T + self.X_object_pb[:3, 3]
+
+    def _touching(self) -> Matrix:
+        """Return the contacts in the PB's frame."""
         touching = self.tips.copy()
         touching[:, 0] -= np.sign(touching[:, 0]) * (TIP_SIDE + self.box.margin)
-        return touching @ self.X_object_pb[:3, :3].T + self.X_object_pb[:3, 3]
+        return touching
 
     def reached_plane(self) -> Matrix:
         """Return X_object_gp: the grasping plane that the preshape's fingertips really span."""
@@ -109,10 +117,9 @@ def _option(part: WorkPart, component: Component, side: Side, box: PreshapingBox
     fingers = fingers_for(box.half)
     half = _rounded(box.half)
     preshape = _preshape(side, half, fingers, _rounded(_spare_fingers_straight(side, fingers, q_hand)))
-    closure = _closure(side, half[:2], box.margin, fingers, part.box.friction_range[0])
     tips, X_object_pb = tip_targets(box.half, fingers, side), part.X_object_part @ box.X_object_pb
     X_object_palm = X_object_pb @ preshape.X_pb_palm
-    return GraspOption(part, component, side, box, fingers, tips, preshape, closure, X_object_pb, X_object_palm)
+    return GraspOption(part, component, side, box, fingers, tips, preshape, X_object_pb, X_object_palm)
 
 
 def _spare_fingers_straight(side: Side, fingers: tuple[str, ...], q_hand: Matrix) -> Matrix:
@@ -141,13 +148,9 @@ def _preshape(
 
 
 @lru_cache(maxsize=1024)
-def _closure(
-    side: Side, half: tuple[float, ...], margin: float, fingers: tuple[str, ...], friction: float
-) -> ForceClosure:
-    """Judge the fingertips laid on the faces; only their places on the faces matter, not the faces' depth."""
-    tips = tip_targets((*half, 1.0), fingers, side)
-    contacts = tips.copy()
-    contacts[:, 0] -= np.sign(tips[:, 0]) * (TIP_SIDE + margin)
-    normals = np.zeros_like(tips)
-    normals[:, 0] = -np.sign(tips[:, 0])
-    return force_closure(tips, contacts, normals, friction, side, SOFT_TIP_M)
+def _closure(side: Side, contacts: tuple[float, ...], friction: float) -> ForceClosure:
+    """Judge fingertips at contacts (3 n numbers, in the PB's frame: thumb at +x, the others at -x)."""
+    points = np.array(contacts).reshape(-1, 3)
+    normals = np.zeros_like(points)
+    normals[:, 0] = -np.sign(points[:, 0])
+    return force_closure(points, points, normals, friction, side, SOFT_TIP_M)

@@ -145,6 +145,11 @@ class Procedure:
         found = [b for b in self.blocks if b.resource == resource and b.covers(number)]
         return max(found, key=lambda b: b.first, default=None)
 
+    @property
+    def looked_in(self) -> int:
+        """Number of the last task that the camera leads: the opening is known after it; 0 if there is none."""
+        return max((number for number, task in self.numbered() if task.main == "c"), default=0)
+
     def meeting(self, block: Block) -> tuple[Block, ...]:
         """Return the blocks of other resources that share a task with a block."""
         return tuple(other for other in self.blocks if block.meets(other))

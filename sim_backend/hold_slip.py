@@ -19,8 +19,8 @@ class HoldSlip:
     """Sliding accumulated at the contacts of the holding hand.
 
     Each hand part integrates its tangential velocity against the box, s = int v_t dt (vector, box frame). Whenever
-    s has moved by the dead band the distance is added to the part's path, and, weighted by the part's share of the
-    grip's load (low-passed), to `slip_m`: the load-weighted mean sliding of the hand's contacts.
+    s has moved by the dead band the distance is added to the part's path, and, weighted by the part's share of its
+    hand's load (low-passed), to the hand's slip: the load-weighted mean sliding of its contacts while it held.
     """
 
     def __init__(self, timestep_s: float) -> None:
@@ -31,14 +31,20 @@ class HoldSlip:
         self.path_m = np.zeros(LINKS)
         """Sliding path of each hand part while its hand held, m."""
         self._net, self._anchor = np.zeros((LINKS, 3)), np.zeros((LINKS, 3))
-        self.slip_m = 0.0
+        self.hand_slip_m = np.zeros(2)
+        """Slip in the right and in the left hand, m."""
 
     def update(self, link_load: Vector, link_slide: Matrix, right_holds: bool, left_holds: bool) -> None:
         """Take one step's loads (36,) and sliding velocities (36, 3)."""
-        self.slip_m += _slide(
+        _slide(
             link_load, link_slide, self._dt, self._keep, right_holds, left_holds,
-            self.load, self._net, self._anchor, self.path_m,
+            self.load, self._net, self._anchor, self.path_m, self.hand_slip_m,
         )  # fmt: skip
+
+    @property
+    def slip_m(self) -> float:
+        """The slip of the hand in which the box slid more, m."""
+        return float(self.hand_slip_m.max())
 
     def grip_load(self) -> tuple[float, float]:
         """Return the filtered sum of normal forces of the right and of the left hand on the box, N."""
@@ -49,17 +55,16 @@ class HoldSlip:
 @compiled
 def _slide(
     load: Vector, slide: Matrix, dt: float, keep: float, right_holds: bool, left_holds: bool,
-    filtered: Vector, net: Matrix, anchor: Matrix, path: Vector,
-) -> float:  # fmt: skip
+    filtered: Vector, net: Matrix, anchor: Matrix, path: Vector, slip: Vector,
+) -> None:  # fmt: skip
     half = len(load) // 2
-    total = 0.0
+    total = np.zeros(2)
     for link in range(len(load)):
         filtered[link] = keep * filtered[link] + (1.0 - keep) * load[link]
-        if (right_holds and link < half) or (left_holds and link >= half):
-            total += filtered[link]
-    slip = 0.0
+        total[link // half] += filtered[link]
     for link in range(len(load)):
-        holds = right_holds if link < half else left_holds
+        hand = link // half
+        holds = right_holds if hand == 0 else left_holds
         if not holds:
             anchor[link] = net[link]
             continue
@@ -73,8 +78,7 @@ def _slide(
         if distance > DEADBAND_M:
             anchor[link] = net[link]
             path[link] += distance
-            slip += distance * filtered[link] / total if total > 0.0 else 0.0
-    return slip
+            slip[hand] += distance * filtered[link] / total[hand] if total[hand] > 0.0 else 0.0
 
 
 class Sustained:

@@ -39,7 +39,7 @@ class Verdict:
         max_torque_ratio: largest link-side torque over limit that lasted longer than 10 ms.
         peak_torque_ratio: the same without regard to how long.
         max_commanded_ratio: largest torque or torque limit asked of a joint, over its limit.
-        hold_slip_mm: sliding at the holding hand's contacts, weighted by load.
+        hold_slip_mm: sliding at the holding hand's contacts, weighted by load; of the two hands', the larger.
         worst_link_slip_mm: the same of the one hand part that slid most.
         regrasp_motion_mm: farthest the box moved in the holding hand while the other one took it.
         max_panel_load_n: largest force into one face of the box that lasted for the tear time, by face.

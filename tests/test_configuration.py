@@ -28,6 +28,7 @@ BAD_FIELDS = [
     ("[strengths]\npoints = 12.5", "strengths.points", "12.5", "a whole number"),
     ("[draw]\nedges = 'yes'", "draw.edges", "'yes'", "true or false"),
     ("shape = 'ball'", "shape", "'ball'", "cylinder"),
+    ("shape = 'cylinder'", "box.size_m[1]", "0.09", "0.06: a cylinder"),
     ("[[obstacles]]\nname = 'a'\nsize_m = [1, 1, 9]\nposition_m = [0, 0, 0]", "obstacles[0].size_m[2]", "9", "<= 2"),
     ("[[obstacles]]\nsize_m = [1, 1, 1]\nposition_m = [0, 0, 0]", "obstacles[0].name", "missing", ""),
     ("[opening]\nface = '+z'", "opening.face", "+z", "+x, -x, +y, -y"),

@@ -11,6 +11,7 @@ import pytest
 
 from preshape.control.opening_motion import TIP_X
 from preshape.sim_backend.scenario import BoxSection, Scenario
+from preshape.tools import holding_check as holding_check_module
 from preshape.tools import machine
 from preshape.tools.command_doctor import Options, execute
 from preshape.tools.configuration import load_scenario
@@ -96,6 +97,8 @@ def test_every_required_package_is_listed_with_its_version() -> None:
 
 
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(holding_check_module, "FRICTIONS", (0.6,))
+    monkeypatch.setattr(holding_check_module, "SCALES", (1.0,))
     monkeypatch.setattr(machine, "_CALM_S", 0.01)
 
 

@@ -39,7 +39,7 @@ class RunOptions:
     field: FieldName = "grouped"
     ties: TiesName = "smooth"
     norm: NormName = "l2"
-    time_limit_s: float = 120.0
+    time_limit_s: float = 180.0
     record: bool = True
     pictures: bool = True
 

@@ -16,7 +16,7 @@ _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 def first_objection(scenario: Scenario) -> str:
     """Return the first contradiction as `field: got ..., allowed is ...`; empty if there is none."""
-    for check in (_not_finite, _name, _faces, _edge, _tab, _ranges, _mass, _place, _camera, _obstacles):
+    for check in (_not_finite, _name, _shape, _faces, _edge, _tab, _ranges, _mass, _place, _camera, _obstacles):
         for objection in check(scenario):
             return objection
     return ""
@@ -42,6 +42,12 @@ def _numbers(path: str, value: object) -> Iterator[tuple[str, float]]:
 def _name(scenario: Scenario) -> Iterator[str]:
     if not _NAME.fullmatch(scenario.name):
         yield f"name: got {scenario.name!r}, allowed are letters, digits, '_', '.' and '-'"
+
+
+def _shape(scenario: Scenario) -> Iterator[str]:
+    x, y, _ = scenario.box.size_m
+    if scenario.shape == "cylinder" and x != y:
+        yield f"box.size_m[1]: got {y:g}, allowed is {x:g}: a cylinder stands along z and is round"
 
 
 def _faces(scenario: Scenario) -> Iterator[str]:
