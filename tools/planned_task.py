@@ -1,0 +1,128 @@
+"""A scenario's task planned as the controller plans it: once before the opening is known, once after it was found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from preshape.hal.object_shape import primitives
+from preshape.hal.world import Face, Opening
+from preshape.planner.air_pose import open_places
+from preshape.planner.areas import Reading
+from preshape.planner.parts import box_part, cylinder_part
+from preshape.planner.plan import GraspPlan, PartPlan, Plan, make_plan
+from preshape.planner.plan_scene import Held, PlanScene
+from preshape.planner.procedure import LIFT_PROCEDURE, PAPER_PROCEDURE
+from preshape.planner.work_object import WorkObject, box_object, object_of_parts
+from preshape.sim_backend.scenario import Scenario
+from preshape.sim_backend.scene import initial_box_pose, nominal_box, workcell
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedTask:
+    """Both plans of a task; `after` is None for an object without an opening, or when there is no plan before.
+
+    `time_ms`: how long each took the first time, and when asked again.
+    """
+
+    scenario: Scenario
+    before: Plan
+    after: Plan | None
+    time_ms: dict[str, float]
+
+    @property
+    def last(self) -> Plan:
+        """The plan that knows the most."""
+        return self.before if self.after is None else self.after
+
+    @property
+    def feasible(self) -> bool:
+        """Whether there is a plan for all tasks."""
+        return self.last.certificate is None
+
+    def parts(self) -> tuple[tuple[PartPlan, str], ...]:
+        """Return the chosen parts' plans and which of both plans each belongs to."""
+        if self.after is None:
+            return ((self.before.chosen, "before"),)
+        return ((self.before.chosen, "before"), (self.after.chosen, "after"))
+
+    def grasps(self) -> tuple[tuple[GraspPlan, PartPlan], ...]:
+        """Return every grasp of the task once, in order: those of tasks before the opening is found from that plan."""
+        first = self.before.chosen
+        if self.after is None:
+            return tuple((grasp, first) for grasp in first.grasps)
+        found = [(grasp, first) for grasp in first.grasps if grasp.block.first <= first.procedure.looked_in]
+        chosen = self.after.chosen
+        later = [(g, chosen) for g in chosen.grasps if g.block.first > chosen.procedure.looked_in]
+        return (*found, *later)
+
+
+def work_object(scenario: Scenario) -> WorkObject:
+    """Return the object of a scenario as the planner knows it."""
+    if scenario.shape == "box":
+        return box_object(nominal_box(scenario))
+    parts = [
+        box_part(p.name, p.size, p.X_object_part)
+        if p.kind == "box"
+        else cylinder_part(p.name, float(p.size[0]) / 2.0, float(p.size[2]), p.X_object_part)
+        for p in primitives(scenario.shape, scenario.box.size_m)
+    ]
+    return object_of_parts(parts)
+
+
+def resting_scene(drawn: Scenario) -> PlanScene:
+    """Return the scene at the start of a drawn scenario, all that is nominally known of it."""
+    return PlanScene(workcell(drawn), work_object(drawn), initial_box_pose(drawn), open_places=open_places())
+
+
+def plan_task(drawn: Scenario, reading: Reading = "committed", palm_on_end_caps_only: bool = False) -> PlannedTask:
+    """Plan a drawn scenario's task.
+
+    The opening is taken from the scenario where the controller would have found it in task 2, and the likely face
+    where a glance would have told it, if the best grasp could not show the right one.
+
+    Raises:
+        ValueError: an object that makes no sense.
+    """
+    procedure = PAPER_PROCEDURE if drawn.shape == "box" else LIFT_PROCEDURE
+    times: dict[str, float] = {}
+    scene = resting_scene(drawn)
+
+    def planned(which: str, scene: PlanScene) -> Plan:
+        plan = timed(times, which, lambda: make_plan(scene, procedure, reading, palm_on_end_caps_only))
+        timed(times, f"{which}_again", lambda: make_plan(scene, procedure, reading, palm_on_end_caps_only))
+        return plan
+
+    before = planned("before", scene)
+    if drawn.shape != "box":
+        return PlannedTask(drawn, before, None, times)
+    opening = Opening(drawn.opening.face, drawn.opening.edge, drawn.opening.offset_m)
+    if not _shows(before, opening.face):
+        before = planned("before", replace(scene, likely=opening.face))
+    if before.certificate is not None:
+        return PlannedTask(drawn, before, None, times)
+    return PlannedTask(drawn, before, planned("after", found_scene(before, opening)), times)
+
+
+def _shows(plan: Plan, face: Face) -> bool:
+    return plan.certificate is None and all(face in grasp.chosen.faces for grasp in plan.chosen.grasps)
+
+
+def found_scene(before: Plan, opening: Opening) -> PlanScene:
+    """Return the scene when the opening has been found: in the right hand, shown to the camera."""
+    holding = before.chosen.grasp("r", before.chosen.procedure.looked_in)
+    if holding is None:
+        raise ValueError("the right hand holds nothing in the task that shows the object")
+    taken = holding.chosen
+    place = next(pose for pose in taken.poses if (pose.place, pose.face) == ("shown", opening.face))
+    held = Held("r", taken.option.component, taken.option.thumb_face)
+    return replace(before.scene, X_world_object=place.X_world_object, opening=opening, held=held, likely=None)
+
+
+def timed(times: dict[str, float], name: str, run: Callable[[], Plan]) -> Plan:
+    """Return what `run` returns and note how long it took, ms."""
+    start = time.perf_counter()
+    result = run()
+    times[name] = (time.perf_counter() - start) * 1e3
+    return result
