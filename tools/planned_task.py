@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from preshape.hal.object_shape import primitives
 from preshape.hal.world import Face, Opening
 from preshape.planner.air_pose import open_places
-from preshape.planner.areas import Reading
+from preshape.planner.areas import BlockArea, Reading
 from preshape.planner.parts import box_part, cylinder_part
 from preshape.planner.plan import GraspPlan, PartPlan, Plan, make_plan
 from preshape.planner.plan_scene import Held, PlanScene
-from preshape.planner.procedure import LIFT_PROCEDURE, PAPER_PROCEDURE
+from preshape.planner.procedure import LIFT_PROCEDURE, PAPER_PROCEDURE, Block
 from preshape.planner.work_object import WorkObject, box_object, object_of_parts
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import initial_box_pose, nominal_box, workcell
@@ -41,21 +41,21 @@ class PlannedTask:
         """Whether there is a plan for all tasks."""
         return self.last.certificate is None
 
-    def parts(self) -> tuple[tuple[PartPlan, str], ...]:
-        """Return the chosen parts' plans and which of both plans each belongs to."""
-        if self.after is None:
-            return ((self.before.chosen, "before"),)
-        return ((self.before.chosen, "before"), (self.after.chosen, "after"))
+    def _made_in(self, plan: PartPlan, block: Block) -> bool:
+        """Return whether a block is planned in this one of both plans: before or after the camera's last task."""
+        early = block.first <= plan.procedure.looked_in
+        return self.after is None or early == (plan is self.before.chosen)
+
+    def _plans(self) -> tuple[PartPlan, ...]:
+        return (self.before.chosen,) if self.after is None else (self.before.chosen, self.after.chosen)
 
     def grasps(self) -> tuple[tuple[GraspPlan, PartPlan], ...]:
-        """Return every grasp of the task once, in order: those of tasks before the opening is found from that plan."""
-        first = self.before.chosen
-        if self.after is None:
-            return tuple((grasp, first) for grasp in first.grasps)
-        found = [(grasp, first) for grasp in first.grasps if grasp.block.first <= first.procedure.looked_in]
-        chosen = self.after.chosen
-        later = [(g, chosen) for g in chosen.grasps if g.block.first > chosen.procedure.looked_in]
-        return (*found, *later)
+        """Return every grasp of the task once, in order, with the plan that it was made in."""
+        return tuple((g, plan) for plan in self._plans() for g in plan.grasps if self._made_in(plan, g.block))
+
+    def areas(self) -> tuple[BlockArea, ...]:
+        """Return every area on the chosen part once, in order, as planned before or after the opening is found."""
+        return tuple(a for plan in self._plans() for a in plan.areas.blocks if self._made_in(plan, a.block))
 
 
 def work_object(scenario: Scenario) -> WorkObject:
@@ -76,11 +76,14 @@ def resting_scene(drawn: Scenario) -> PlanScene:
     return PlanScene(workcell(drawn), work_object(drawn), initial_box_pose(drawn), open_places=open_places())
 
 
-def plan_task(drawn: Scenario, reading: Reading = "committed", palm_on_end_caps_only: bool = False) -> PlannedTask:
+def plan_task(
+    drawn: Scenario, reading: Reading = "committed", palm_on_end_caps_only: bool = False, again: bool = True
+) -> PlannedTask:
     """Plan a drawn scenario's task.
 
     The opening is taken from the scenario where the controller would have found it in task 2, and the likely face
-    where a glance would have told it, if the best grasp could not show the right one.
+    where a glance would have told it, if the best grasp could not show the right one. `again`: plan everything twice,
+    to tell what is kept from plan to plan.
 
     Raises:
         ValueError: an object that makes no sense.
@@ -91,7 +94,8 @@ def plan_task(drawn: Scenario, reading: Reading = "committed", palm_on_end_caps_
 
     def planned(which: str, scene: PlanScene) -> Plan:
         plan = timed(times, which, lambda: make_plan(scene, procedure, reading, palm_on_end_caps_only))
-        timed(times, f"{which}_again", lambda: make_plan(scene, procedure, reading, palm_on_end_caps_only))
+        if again:
+            timed(times, f"{which}_again", lambda: make_plan(scene, procedure, reading, palm_on_end_caps_only))
         return plan
 
     before = planned("before", scene)
