@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,15 +99,23 @@ def robot_capsules(q_hands: Mapping[Side, ArrayLike], held: HeldBox | None) -> l
 
 def capsule_pairs(capsules: list[Capsule], exempt: frozenset[frozenset[str]]) -> list[tuple[int, int]]:
     """Return the index pairs to compare: the two sides with each other, and one arm's frames `APART` or more apart."""
+    return list(_capsule_pairs(tuple((c.body, c.side, c.frame) for c in capsules), exempt))
+
+
+@lru_cache(maxsize=64)
+def _capsule_pairs(
+    capsules: tuple[tuple[str, Side, int], ...], exempt: frozenset[frozenset[str]]
+) -> tuple[tuple[int, int], ...]:
+    """Return the pairs for capsules given as (body, side, frame): the same for every posture of the robot."""
     pairs: list[tuple[int, int]] = []
-    for i, a in enumerate(capsules):
+    for i, (body, side, frame) in enumerate(capsules):
         for j in range(i + 1, len(capsules)):
-            b = capsules[j]
-            if frozenset((a.body, b.body)) in exempt:
+            other_body, other_side, other_frame = capsules[j]
+            if frozenset((body, other_body)) in exempt or (frame <= 1 and other_frame <= 1):
                 continue
-            if a.side != b.side or abs(a.frame - b.frame) >= APART:
+            if side != other_side or abs(frame - other_frame) >= APART:
                 pairs.append((i, j))
-    return [(i, j) for i, j in pairs if not (capsules[i].frame <= 1 and capsules[j].frame <= 1)]
+    return tuple(pairs)
 
 
 def box_pairs(

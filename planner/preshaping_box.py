@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +61,12 @@ class PreshapingBox:
         return X_world_object @ self.X_object_pb
 
 
+@cache
+def _axes(palm_face: Face, thumb_face: Face) -> Matrix:
+    x, z = face_normal(thumb_face), -face_normal(palm_face)
+    return _frozen(np.column_stack([x, np.cross(z, x), z]))
+
+
 def box_from_component(
     palm_face: Face,
     thumb_face: Face,
@@ -88,8 +95,7 @@ def box_from_component(
         raise ValueError(f"a section needs upper > lower on every axis, got {lower.tolist()} and {upper.tolist()} m")
     if margin < 0 or reach <= 0:
         raise ValueError(f"margin must be >= 0 and reach > 0, got {margin} m and {reach} m")
-    x, z = face_normal(thumb_face), -face_normal(palm_face)
-    R = np.column_stack([x, np.cross(z, x), z])
+    R = _axes(palm_face, thumb_face)
     half = np.abs(R.T) @ (upper - lower) / 2.0
     near = R.T @ (lower + upper) / 2.0 - [0.0, 0.0, half[2]]
     half[2] = min(half[2], reach)
