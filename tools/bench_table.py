@@ -64,6 +64,16 @@ BENCHES: dict[str, Bench] = {
         "the preshape QP on random boxes",
         {"solved_share": Bar(">=", 0.99), "kkt_share": Bar(">=", 1.0), "median_ms": Bar("<=", 3.0)},
     ),
+    "plan": Bench(
+        "preshape.tools.bench_plan",
+        "bench_plan",
+        "the plan of all five tasks, before and after the opening is found",
+        {
+            f"{when}_{figure}_ms": Bar("<=", bar)
+            for when in ("before", "after")
+            for figure, bar in (("median", 50.0), ("p99", 250.0))
+        },
+    ),
     "areas": Bench(
         "preshape.tools.area_figures",
         "area_figures",

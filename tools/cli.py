@@ -11,6 +11,7 @@ from preshape import __version__
 from preshape.tools.exit_codes import ExitCode, expected_error
 
 COMMANDS: dict[str, str] = {
+    "plan": "plan a task: priorities, areas, preshaping boxes, preshapes; nothing moves",
     "run": "carry out the procedure and write a report",
     "sweep": "run scenarios over many seeds in parallel and count",
     "doctor": "show this machine, and what the grip holds beside what opening asks",
