@@ -16,8 +16,8 @@ def base_priority(procedure: Procedure, block: Block) -> int:
     return 1 if any(task.main == block.resource for task in tasks) else max(task.tau for task in tasks)
 
 
-def derived_order(procedure: Procedure) -> tuple[Block, ...]:
-    """Return the blocks by (base priority, first task, r < l < c)."""
+def placing_order(procedure: Procedure) -> tuple[Block, ...]:
+    """Return the blocks as priorities are given to them: by (base priority, first task, r < l < c)."""
     return tuple(
         sorted(
             procedure.blocks,
@@ -29,10 +29,10 @@ def derived_order(procedure: Procedure) -> tuple[Block, ...]:
 def derive_priorities(procedure: Procedure) -> dict[Block, int]:
     """Return every block's priority: the smallest integer >= base that no placed block of a shared task has.
 
-    Blocks are placed in `derived_order`. For the paper's procedure this is eq. (3).
+    Blocks are placed in `placing_order`. For the paper's procedure this is eq. (3).
     """
     placed: dict[Block, int] = {}
-    for block in derived_order(procedure):
+    for block in placing_order(procedure):
         taken = {placed[other] for other in procedure.meeting(block) if other in placed}
         priority = base_priority(procedure, block)
         while priority in taken:
@@ -62,6 +62,14 @@ def checked_order(procedure: Procedure, priorities: Priorities) -> tuple[Block, 
             if priorities.get(other) == priorities[block]:
                 raise ValueError(f"priorities: {block} and {other} share a task and both have {priorities[block]}")
     return tuple(sorted(procedure.blocks, key=lambda b: priorities[b]))
+
+
+def default_order(procedure: Procedure) -> tuple[Block, ...]:
+    """Return the blocks from the highest derived priority down.
+
+    Not always the order in which they were placed: a block placed late may fill a gap above an earlier one.
+    """
+    return checked_order(procedure, derive_priorities(procedure))
 
 
 def priority_table(procedure: Procedure, priorities: Priorities) -> dict[Resource, list[int | None]]:

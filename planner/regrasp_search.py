@@ -13,7 +13,7 @@ from preshape.planner.component import surviving
 from preshape.planner.handover_path import Move, fewest_moves
 from preshape.planner.literal_regions import literal_certificate, literal_masks
 from preshape.planner.literal_search import fewest_literal_moves, literal_order
-from preshape.planner.priorities import derive_priorities, derived_order, priorities_in_order
+from preshape.planner.priorities import default_order, derive_priorities, priorities_in_order
 from preshape.planner.procedure import Block, Procedure
 from preshape.planner.regrasp_move import with_regrasp
 from preshape.planner.sections import split
@@ -60,7 +60,7 @@ def fewest_regrasps(
         raise ValueError("the search for regrasps takes a procedure without added ones")
     clash = given_clash(problem, procedure.blocks)
     if clash is not None:
-        higher, lower = sorted(clash, key=derived_order(procedure).index)
+        higher, lower = sorted(clash, key=default_order(procedure).index)
         certificate = Certificate(lower, (higher,), scope="given areas; no order and no regrasp changes them")
         return RegraspPlan(procedure, derive_priorities(procedure), 0, False, certificate)
     return _literal(problem, limit) if reading == "literal" else _committed(problem)
@@ -84,7 +84,7 @@ def _committed(problem: AreaProblem) -> RegraspPlan:
     certificate = _single_task_cause(problem)
     if certificate is None:
         scope = f"no order and no number of added regrasps leads into task {found.stuck_at}"
-        certificate = replace(committed_certificate(problem, derived_order(procedure)), scope=scope)
+        certificate = replace(committed_certificate(problem, default_order(procedure)), scope=scope)
     return RegraspPlan(procedure, derive_priorities(procedure), 0, False, certificate)
 
 
@@ -94,7 +94,7 @@ def _single_task_cause(problem: AreaProblem) -> Certificate | None:
         blocks = {replace(b, first=1, last=1): b for b in problem.procedure.blocks if b.covers(number)}
         alone = replace(problem, procedure=Procedure((task,), tuple(blocks)))
         if not holds(alone, tuple(blocks)):
-            cause = committed_certificate(alone, derived_order(alone.procedure))
+            cause = committed_certificate(alone, default_order(alone.procedure))
             return replace(
                 cause,
                 block=blocks[cause.block],
@@ -113,7 +113,7 @@ def _literal(problem: AreaProblem, limit: int) -> RegraspPlan:
     for hand, after in moves:
         procedure = with_regrasp(procedure, hand, after)
     changed = replace(problem, procedure=procedure)
-    order = derived_order(procedure)
+    order = default_order(procedure)
     if all(_left(changed, block, mask) for block, mask in literal_masks(changed, order).items()):
         return RegraspPlan(procedure, derive_priorities(procedure), len(moves), False, None)
     order = literal_order(changed)
@@ -123,7 +123,7 @@ def _literal(problem: AreaProblem, limit: int) -> RegraspPlan:
 
 
 def _literal_cause(problem: AreaProblem) -> Certificate:
-    order = derived_order(problem.procedure)
+    order = default_order(problem.procedure)
     masks = literal_masks(problem, order)
     failed = next(b for b in order if not _left(problem, b, masks[b]))
     return literal_certificate(problem, order, masks, failed)

@@ -187,3 +187,15 @@ def test_longer_random_procedures_agree_with_the_oracle() -> None:
     bench = bench_areas(80, seed=7, tasks_max=6)
     assert not bench.differences
     assert bench.outcomes["committed: 1 regrasps added"] > 0
+
+
+def test_procedure_found_feasible_has_areas_with_the_priorities_it_comes_with() -> None:
+    # The later grasp of the right hand fills a gap above the left hand's priority.
+    tasks = (Task("a", 3, "none", "l"), Task("b", 2, "none", "l"), Task("c", 3, "none", "r"))
+    procedure = Procedure(tasks, (Block("l", 1, 3), Block("r", 3, 3), Block("r", 1, 2, "opening")))
+    opening = Opening("+x", "+y", 0.0)
+    for reading in READINGS:
+        found = fewest_regrasps(procedure, TEA_BOX, opening, reading)
+        assert found.certificate is None
+        areas = plan_areas(found.procedure, TEA_BOX, opening, reading, priorities=found.priorities)
+        assert areas.feasible, reading

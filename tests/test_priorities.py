@@ -8,8 +8,9 @@ import pytest
 from preshape.planner.priorities import (
     base_priority,
     checked_order,
+    default_order,
     derive_priorities,
-    derived_order,
+    placing_order,
     priorities_in_order,
     priority_table,
 )
@@ -45,12 +46,22 @@ def test_resources_of_one_task_have_different_priorities() -> None:
 
 def test_each_block_has_the_smallest_priority_that_earlier_blocks_leave() -> None:
     for procedure in procedures():
-        priorities, order = derive_priorities(procedure), derived_order(procedure)
+        priorities, order = derive_priorities(procedure), placing_order(procedure)
         for k, block in enumerate(order):
             base = base_priority(procedure, block)
             taken = {priorities[other] for other in order[:k] if block.meets(other)}
             free = [p for p in range(base, base + len(order) + 1) if p not in taken]
             assert priorities[block] == free[0]
+
+
+def test_default_order_goes_down_the_priorities() -> None:
+    filled = 0
+    for procedure in procedures():
+        priorities, order = derive_priorities(procedure), default_order(procedure)
+        for k, block in enumerate(order):
+            assert all(priorities[other] < priorities[block] for other in order[:k] if block.meets(other))
+        filled += order != placing_order(procedure)
+    assert filled > 0
 
 
 def test_main_resource_has_base_priority_1_and_others_the_largest_tau() -> None:
