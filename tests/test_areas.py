@@ -193,9 +193,9 @@ def test_procedure_found_feasible_has_areas_with_the_priorities_it_comes_with() 
     # The later grasp of the right hand fills a gap above the left hand's priority.
     tasks = (Task("a", 3, "none", "l"), Task("b", 2, "none", "l"), Task("c", 3, "none", "r"))
     procedure = Procedure(tasks, (Block("l", 1, 3), Block("r", 3, 3), Block("r", 1, 2, "opening")))
-    opening = Opening("+x", "+y", 0.0)
-    for reading in READINGS:
-        found = fewest_regrasps(procedure, TEA_BOX, opening, reading)
-        assert found.certificate is None
-        areas = plan_areas(found.procedure, TEA_BOX, opening, reading, priorities=found.priorities)
-        assert areas.feasible, reading
+    box = NominalBox(TEA_BOX.size, long_faces(2))
+    found = fewest_regrasps(procedure, box, reading="literal")
+    assert found.certificate is None
+    assert found.reordered
+    assert not plan_areas(procedure, box, reading="literal").feasible
+    assert plan_areas(found.procedure, box, reading="literal", priorities=found.priorities).feasible
