@@ -226,7 +226,7 @@ class Availability:
             found = posture(side, X_world_base, X_palm)
             if found.status is not ReachStatus.REACHABLE:
                 continue
-            if place in ("here", "handed over"):
+            if place in ("here", "passed on", "handed over"):
                 X_before = X_palm @ transform((0.0, 0.0, -PREGRASP_M))
                 if posture(side, X_world_base, X_before).status is not ReachStatus.REACHABLE:
                     continue

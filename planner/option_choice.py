@@ -80,8 +80,8 @@ class OptionChooser:
         """Return the component of the best option; options that collide are withdrawn, and planning starts anew."""
         hand = cast(Hand, block.resource)
         for ranked in self._usable(block, candidates):
-            other = next((picked.option for b, picked in self._picked.items() if b.meets(block)), None)
-            collision = self._collision.between(hand, ranked.option, ranked.poses, other)
+            others = [picked.option for b, picked in self._picked.items() if b.meets(block)]
+            collision = self._collision.between(hand, ranked.option, ranked.poses, others)
             if not collision:
                 self._picked[block] = ranked
                 return ranked.option.component

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from preshape.hal.layout import SIDES, Side
+from collections.abc import Iterable
+
+from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.transform import Matrix, inverse
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_collision import ArmCollision
@@ -26,41 +28,54 @@ class PlanCollision:
         """Keep the scene."""
         self.scene = scene
 
-    def between(self, hand: Hand, option: GraspOption, poses: tuple[ArmPose, ...], other: GraspOption | None) -> str:
-        """Return what an option collides with, an empty text if nothing; `other` is what the other hand holds."""
-        for pose in poses:
-            if pose.place == "here" and self.scene.held is None:
-                return self._collision(SIDE_OF[hand], option, pose, None)
-            if pose.place == "handed over" and other is not None:
-                return self._collision(SIDE_OF[hand], option, pose, other)
+    def between(
+        self, hand: Hand, option: GraspOption, poses: tuple[ArmPose, ...], others: Iterable[GraspOption]
+    ) -> str:
+        """Return what an option collides with, an empty text if nothing; `others` are what the other hand has then."""
+        if self.scene.held is None:
+            for pose in poses:
+                if pose.place == "here":
+                    return self._collision(SIDE_OF[hand], option, pose.X_world_object, None)
+        for other in others:
+            collision = self._beside(hand, option, poses, other)
+            if collision:
+                return collision
         return ""
 
-    def _collision(self, side: Side, option: GraspOption, pose: ArmPose, other: GraspOption | None) -> str:
-        scene, X_object = self.scene, pose.X_world_object
+    def _beside(self, hand: Hand, option: GraspOption, poses: tuple[ArmPose, ...], other: GraspOption) -> str:
+        if any(pose.place == "passed on" for pose in poses):
+            alternatives = self.scene.object_poses(option.part, hand, option.component, "passed on")[None]
+        else:
+            alternatives = [pose.X_world_object for pose in poses if pose.place == "handed over"][:1]
+        collision = ""
+        for X_world_object in alternatives:
+            collision = self._collision(SIDE_OF[hand], option, X_world_object, other)
+            if not collision:
+                return ""
+        return collision
+
+    def _collision(self, side: Side, option: GraspOption, X_world_object: Matrix, other: GraspOption | None) -> str:
+        scene, X_palm = self.scene, X_world_object @ option.X_object_palm
         q_arms = scene.q_arms.copy()
         q_hands: dict[Side, Matrix] = {**scene.q_hands, side: option.q_hand}
-        obstacles, held, exempt = scene.obstacles, None, [(f"{side}_hand", part.name) for part in scene.target.parts]
         if other is None:
-            obstacles = (*obstacles, *scene.target.boxes(X_object))
+            obstacles = (*scene.obstacles, *scene.target.boxes(X_world_object))
+            held, exempt = None, [(f"{side}_hand", part.name) for part in scene.target.parts]
         else:
-            q_hands[other.side] = other.q_hand
-            found = self._arm(other, X_object)
-            if found is None:
-                return f"the {other.side} arm does not reach the place"
-            q_arms[_arm(other.side)] = found
+            X_other = X_world_object @ other.X_object_palm
+            found = posture(other.side, scene.cell.X_world_base[other.side], X_other)
+            if found.status is not ReachStatus.REACHABLE:
+                return f"the {other.side} arm does not reach a place that suits both"
+            q_hands[other.side], q_arms[_arm(other.side)] = other.q_hand, found.q
             X_palm_part = inverse(other.X_object_palm) @ other.part.X_object_part
-            held, exempt = HeldBox(other.side, X_palm_part, other.part.half), [(f"{side}_hand", "held")]
+            obstacles, held = scene.obstacles, HeldBox(other.side, X_palm_part, other.part.half)
+            exempt = [(f"{side}_hand", "held")]
         model = ArmCollision(scene.cell, q_hands, held, obstacles, exempt)
-        reached = reach(side, scene.cell.X_world_base[side], pose.X_world_palm, model, q_arms, _QUERY)
+        reached = reach(side, scene.cell.X_world_base[side], X_palm, model, q_arms, _QUERY)
         if reached.status is ReachStatus.REACHABLE:
             return ""
         return " collides with ".join(reached.nearest) if reached.nearest[0] else "out of the arm's reach"
 
-    def _arm(self, option: GraspOption, X_world_object: Matrix) -> Matrix | None:
-        side = option.side
-        found = posture(side, self.scene.cell.X_world_base[side], X_world_object @ option.X_object_palm)
-        return found.q if found.status is ReachStatus.REACHABLE else None
-
 
 def _arm(side: Side) -> slice:
-    return slice(7 * SIDES.index(side), 7 * SIDES.index(side) + 7)
+    return slice(ARM_DOF * SIDES.index(side), ARM_DOF * (SIDES.index(side) + 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from preshape.planner.air_pose import AirPlace, air_pose
 from preshape.planner.component import Component
 from preshape.planner.postures import PRESHAPE
 from preshape.planner.procedure import Hand, Place
-from preshape.planner.region import end_caps
+from preshape.planner.region import end_caps, long_faces
 from preshape.planner.work_object import WorkObject, WorkPart
 
 LIFT_M = 0.13
@@ -98,17 +99,19 @@ class PlanScene:
             return {None: (X,)}
         if place == "lifted":
             return {None: (transform((0.0, 0.0, LIFT_M)) @ X,)}
+        if place == "passed on":
+            ends = _right_ends(part, hand, component)
+            return {None: _air_poses(part, (self.place,), ends, long_faces(part.box.long_axis))}
         places = self.open_places if place == "opened" else (self.place,)
         ends = _right_ends(part, hand, component)
-        return {face: _air_poses(part, places, ends, face) for face in self.faces(part)}
+        return {face: _air_poses(part, places, ends, (face,)) for face in self.faces(part)}
 
 
-def _air_poses(part: WorkPart, places: tuple[AirPlace, ...], ends: tuple[Face, ...], face: Face) -> Poses:
+def _air_poses(part: WorkPart, places: tuple[AirPlace, ...], ends: tuple[Face, ...], faces: tuple[Face, ...]) -> Poses:
     """Yield poses one by one: mostly the first will do."""
     X_part_object = inverse(part.X_object_part)
-    for place in places:
-        for end in ends:
-            yield air_pose(place, end, face) @ X_part_object
+    for place, end, face in product(places, ends, faces):
+        yield air_pose(place, end, face) @ X_part_object
 
 
 def _right_ends(part: WorkPart, hand: Hand, component: Component) -> tuple[Face, ...]:

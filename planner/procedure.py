@@ -12,9 +12,10 @@ Hand = Literal["r", "l"]
 Resource = Literal["r", "l", "c"]
 Main = Literal["r", "l", "c", "none"]
 Want = Literal["grasp", "opening", "middle", "candidates"]
-Place = Literal["here", "lifted", "shown", "handed over", "opened"]
+Place = Literal["here", "lifted", "shown", "passed on", "handed over", "opened"]
 """Where a task has the object: where it is now; straight above; in the air with every face that may carry the opening
-to the camera in turn; in the air with the opening's face forward; at one of the places that suit opening it."""
+to the camera in turn; in the air with any long face forward; in the air with the opening's face forward; at one of the
+places that suit opening it."""
 
 HANDS: tuple[Hand, Hand] = ("r", "l")
 RESOURCES: tuple[Resource, Resource, Resource] = ("r", "l", "c")

@@ -10,9 +10,9 @@ from preshape.planner.procedure import HANDS, Block, Hand, Procedure, Task
 def regrasp_task(hand: Hand, holder: Hand | None) -> Task:
     """Return the added task: planned (tau 2), nobody's main task, named "regrasp r" or "regrasp l".
 
-    A box that a hand holds is handed over in the air, one that rests is grasped anew where it is.
+    A box that a hand holds is passed on in the air, one that rests is grasped anew where it is.
     """
-    return Task(f"regrasp {hand}", 2, "none", holder, hand, "here" if holder is None else "handed over")
+    return Task(f"regrasp {hand}", 2, "none", holder, hand, "here" if holder is None else "passed on")
 
 
 def needs_helper(procedure: Procedure, hand: Hand, after: int) -> bool | None:

@@ -158,6 +158,21 @@ def test_likely_face_is_the_only_one_that_must_be_shown() -> None:
     assert all(ranked.faces == ("+x",) for ranked in make_plan(scene).options("r", 1))
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_box_whose_opening_lies_below_is_passed_on_before_it_is_shown(seed: int) -> None:
+    plan = make_plan(replace(scene_of("tea_box_lying", seed), likely="-x")).chosen
+    assert plan.certificate is None
+    assert [task.name for task in plan.procedure.tasks[:3]] == ["grasp", "regrasp r", "find"]
+    first, again = plan.grasp("r", 1), plan.grasp("r", 3)
+    helper = plan.grasp("l", 2)
+    assert first is not None
+    assert again is not None
+    assert helper is not None
+    assert first.chosen.option.palm_face == "+x"
+    for right in (first, again):
+        assert not helper.chosen.option.component.patches & right.chosen.option.component.patches
+
+
 def test_priorities_of_the_plan_are_equation_3() -> None:
     plan = make_plan(scene_of("tea_box", opening=OPENING))
     assert plan.chosen.priorities == {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from preshape.hal.transform import Matrix
+from preshape.planner.areas import BlockArea
 from preshape.planner.plan import GraspPlan, PartPlan
 from preshape.planner.preshaping_box import PreshapingBox
 from preshape.planner.procedure import SIDE_OF
@@ -16,7 +17,7 @@ def plan_drawing(task: PlannedTask) -> PlanDrawing:
     """Return what `plan_picture` draws."""
     plan = task.last
     parts = tuple(_part(part) for part in plan.parts)
-    grasps = tuple(_grasp(grasp, part, _index(task, part)) for grasp, part in task.grasps())
+    grasps = tuple(_grasp(grasp, _index(task, part), task.areas()) for grasp, part in task.grasps())
     chosen = plan.chosen
     looked = chosen.areas.at("c", chosen.procedure.looked_in)
     searched = frozenset() if looked is None else looked.region.patches
@@ -33,11 +34,11 @@ def _part(plan: PartPlan) -> PartDrawing:
     return PartDrawing(part.half, part.X_object_part, plan.areas.sections.cuts, part.vertices)
 
 
-def _grasp(grasp: GraspPlan, plan: PartPlan, index: int) -> GraspDrawing:
+def _grasp(grasp: GraspPlan, index: int, areas: tuple[BlockArea, ...]) -> GraspDrawing:
     ranked, option = grasp.chosen, grasp.chosen.option
     box = option.box
     in_object = PreshapingBox(box.palm_face, box.thumb_face, box.finger_face, option.X_object_pb, box.half, box.margin)
-    area = plan.areas.at(grasp.block.resource, grasp.block.first)
+    area = next((a for a in areas if a.block == grasp.block), None)
     tips: Matrix = option.tips_object
     notes = (
         f"{len(option.fingers)} fingers, QP residual {option.preshape.residual_m * 1e3:.4f} mm",
@@ -59,9 +60,8 @@ def _grasp(grasp: GraspPlan, plan: PartPlan, index: int) -> GraspDrawing:
 
 
 def _notes(task: PlannedTask) -> tuple[str, ...]:
-    last = task.last.chosen
     rows = [f"{task.scenario.name}, seed {task.scenario.seed}", "priorities (eq. 3), tasks 1 .. n:"]
-    for resource, numbers in last.priorities.items():
+    for resource, numbers in task.priorities().items():
         rows.append(f"  {resource}: " + " ".join("*" if n is None else str(n) for n in numbers))
     for area in task.areas():
         rows.append(f"{area.block}: {len(area.region)} patches, {len(area.components)} components")

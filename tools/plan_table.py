@@ -23,25 +23,26 @@ from preshape.tools.planned_task import PlannedTask
 def print_plan(task: PlannedTask, console: Console) -> None:
     """Print priorities, areas, every grasp with its preshape, and what the plan cost."""
     last = task.last.chosen
-    console.print(_priorities(last))
+    console.print(_priorities(task))
     for plan in task.last.parts:
         console.print(_areas(plan, task.areas() if plan is last else plan.areas.blocks))
     for grasp, plan in task.grasps():
         _print_grasp(grasp, plan, console)
-    if last.regrasps or task.before.chosen.regrasps:
-        console.print("regrasps added: " + ", ".join(t.name for t in last.procedure.tasks if t.regrasps))
+    added = [f"{n} {t.name}" for n, t in enumerate(task.tasks(), start=1) if t.regrasps]
+    if added:
+        console.print("tasks added to make it possible: " + ", ".join(added))
     if last.certificate is not None:
         _print_certificate(last, console)
     console.print("time: " + ", ".join(f"{name.replace('_', ' ')} {ms:.1f} ms" for name, ms in task.time_ms.items()))
 
 
-def _priorities(plan: PartPlan) -> Table:
+def _priorities(planned: PlannedTask) -> Table:
     table = Table(title="priorities, eq. (3)", title_justify="left")
     table.add_column("")
-    for number, task in plan.procedure.numbered():
+    for number, task in enumerate(planned.tasks(), start=1):
         table.add_column(f"{number} {task.name}", justify="right")
     names = {"r": "right hand", "l": "left hand", "c": "camera"}
-    for resource, numbers in plan.priorities.items():
+    for resource, numbers in planned.priorities().items():
         table.add_row(names[resource], *("*" if n is None else str(n) for n in numbers))
     return table
 

@@ -13,7 +13,7 @@ from preshape.planner.areas import BlockArea, Reading
 from preshape.planner.parts import box_part, cylinder_part
 from preshape.planner.plan import GraspPlan, PartPlan, Plan, make_plan
 from preshape.planner.plan_scene import Held, PlanScene
-from preshape.planner.procedure import LIFT_PROCEDURE, PAPER_PROCEDURE, Block
+from preshape.planner.procedure import LIFT_PROCEDURE, PAPER_PROCEDURE, Block, Resource, Task
 from preshape.planner.work_object import WorkObject, box_object, object_of_parts
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import initial_box_pose, nominal_box, workcell
@@ -41,21 +41,55 @@ class PlannedTask:
         """Whether there is a plan for all tasks."""
         return self.last.certificate is None
 
-    def _made_in(self, plan: PartPlan, block: Block) -> bool:
-        """Return whether a block is planned in this one of both plans: before or after the camera's last task."""
-        early = block.first <= plan.procedure.looked_in
+    def _plans(self) -> tuple[tuple[PartPlan, int], ...]:
+        """Return the chosen parts' plans, and by how much each one's task numbers are to be raised."""
+        first = self.before.chosen
+        if self.after is None:
+            return ((first, 0),)
+        last = self.after.chosen
+        return (first, 0), (last, first.procedure.looked_in - last.procedure.looked_in)
+
+    def _made_in(self, plan: PartPlan, first: int) -> bool:
+        """Return whether what begins with a task is planned here: before or after the camera's last task."""
+        early = first <= plan.procedure.looked_in
         return self.after is None or early == (plan is self.before.chosen)
 
-    def _plans(self) -> tuple[PartPlan, ...]:
-        return (self.before.chosen,) if self.after is None else (self.before.chosen, self.after.chosen)
+    def tasks(self) -> tuple[Task, ...]:
+        """Return all tasks in order, added regrasps among them."""
+        return tuple(
+            task for plan, _ in self._plans() for n, task in plan.procedure.numbered() if self._made_in(plan, n)
+        )
+
+    def priorities(self) -> dict[Resource, list[int | None]]:
+        """Return p_ri, p_li, p_ci of eq. (3), one for each of the tasks."""
+        table: dict[Resource, list[int | None]] = {}
+        for plan, _ in self._plans():
+            for resource, numbers in plan.priorities.items():
+                kept = [p for n, p in enumerate(numbers, start=1) if self._made_in(plan, n)]
+                table.setdefault(resource, []).extend(kept)
+        return table
 
     def grasps(self) -> tuple[tuple[GraspPlan, PartPlan], ...]:
         """Return every grasp of the task once, in order, with the plan that it was made in."""
-        return tuple((g, plan) for plan in self._plans() for g in plan.grasps if self._made_in(plan, g.block))
+        return tuple(
+            (replace(grasp, block=_raised(grasp.block, by)), plan)
+            for plan, by in self._plans()
+            for grasp in plan.grasps
+            if self._made_in(plan, grasp.block.first)
+        )
 
     def areas(self) -> tuple[BlockArea, ...]:
         """Return every area on the chosen part once, in order, as planned before or after the opening is found."""
-        return tuple(a for plan in self._plans() for a in plan.areas.blocks if self._made_in(plan, a.block))
+        return tuple(
+            replace(area, block=_raised(area.block, by))
+            for plan, by in self._plans()
+            for area in plan.areas.blocks
+            if self._made_in(plan, area.block.first)
+        )
+
+
+def _raised(block: Block, by: int) -> Block:
+    return replace(block, first=block.first + by, last=block.last + by)
 
 
 def work_object(scenario: Scenario) -> WorkObject:
