@@ -1,4 +1,4 @@
-"""How far each part of a hand stays clear of a box: sampled, to rank preshapes; the controller has exact distances."""
+"""How far a hand stays clear of a box: sampled, to rank preshapes; the controller has exact distances."""
 
 from __future__ import annotations
 
@@ -50,20 +50,6 @@ def box_distance(points: Matrix, half: ArrayLike) -> Matrix:
     return np.linalg.norm(np.maximum(q, 0.0), axis=-1) + np.minimum(q.max(axis=-1), 0.0)
 
 
-def part_clearances(side: Side, X_box_palm: Matrix, joints: ArrayLike, half: ArrayLike) -> Matrix:
-    """Return each part's distance (18,) from a box with half edges `half` about its frame, m; negative inside.
-
-    Parts that are boxes are sampled on a grid, so a thin box may pass between samples unseen: the value is an
-    upper bound, off by a few mm at most for boxes larger than the grid's cells (23 mm).
-    """
-    parts, points, radii = _samples(side)
-    X = X_box_palm @ hand_kinematics(side).part_poses(joints)
-    at = np.einsum("nij,nj->ni", X[parts, :3, :3], points) + X[parts, :3, 3]
-    clearance = np.full(len(PART_NAMES), np.inf)
-    np.minimum.at(clearance, parts, box_distance(at, half) - radii)
-    return clearance
-
-
 @lru_cache(maxsize=256)
 def _points(side: Side, joints: bytes) -> tuple[Matrix, Matrix]:
     parts, points, radii = _samples(side)
@@ -88,7 +74,11 @@ def _least(points: Matrix, radii: Matrix, R: Matrix, p: Matrix, half: Matrix) ->
 
 
 def hand_clearance(side: Side, X_world_palm: Matrix, joints: Matrix, boxes: Iterable[OrientedBox]) -> tuple[float, str]:
-    """Return the hand's least distance (m, sampled as above) from boxes in the world, and the nearest one's name."""
+    """Return the hand's least distance from boxes in the world, m, negative inside, and the nearest one's name.
+
+    Parts that are boxes are sampled on a grid, so a thin box may pass between samples unseen: the value is an
+    upper bound, off by a few mm at most for boxes larger than the grid's cells (23 mm).
+    """
     points, radii = _points(side, np.ascontiguousarray(joints, dtype=float).tobytes())
     nearest = np.inf, ""
     for box in boxes:

@@ -49,6 +49,13 @@ class Held:
     thumb_face: Face
 
 
+def held_by_cap(hand: Hand, end: Face, finger_face: Face) -> Held:
+    """Return the hold of a hand whose palm is before an end cap and whose fingers are on a face beside it."""
+    positive, negative = (finger_face, opposite(finger_face))[:: 1 if finger_face[0] == "+" else -1]
+    component = Component(2 if end[0] == "+" else 0, end, (positive, negative))
+    return Held(hand, component, opposite(finger_face))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanScene:
     """The scene of a plan.

@@ -19,7 +19,7 @@ from preshape.planner.hand_kinematics import hand_kinematics
 from preshape.planner.option_choice import RankedOption
 from preshape.planner.parts import cylinder_part, l_carton_parts
 from preshape.planner.plan import Plan, make_plan
-from preshape.planner.plan_scene import Held, PlanScene
+from preshape.planner.plan_scene import Held, PlanScene, held_by_cap
 from preshape.planner.postures import STRAIGHT
 from preshape.planner.procedure import LIFT_PROCEDURE, PAPER_PROCEDURE
 from preshape.planner.sight_line import hidden_share, rectangle_points
@@ -125,6 +125,7 @@ def test_second_call_keeps_what_is_held_and_leaves_the_opening_free(seed: int) -
     taken = make_plan(before).options("r", 1)[0]
     X_shown = next(pose.X_world_object for pose in taken.poses if pose.place == "shown")
     held = Held("r", taken.option.component, taken.option.thumb_face)
+    assert held == held_by_cap("r", taken.option.palm_face, taken.option.finger_face)
     plan = make_plan(replace(before, X_world_object=X_shown, opening=OPENING, held=held))
     assert plan.certificate is None
     (right,) = plan.options("r", 3)
