@@ -33,8 +33,7 @@ def bench_plan(plans: int = 200, seed: int = 5) -> dict[str, float]:
     """Return times in ms: of the plan for all five tasks before the opening is known, of the one after it is found.
 
     `both` is the sum of the two, each planned for the first time in its scene. A few plans before the run load compiled
-    code and are not counted. `without_plan` counts scenes whose certificate says why (a lying box cannot be shown from
-    below).
+    code and are not counted. `without_plan` counts scenes that end with a certificate.
     """
     rng = np.random.default_rng(seed)
     for _ in range(WARM_UP):
