@@ -184,7 +184,7 @@ def test_random_procedures_agree_with_the_oracle() -> None:
 
 @pytest.mark.slow
 def test_longer_random_procedures_agree_with_the_oracle() -> None:
-    bench = bench_areas(80, seed=7, tasks_max=6)
+    bench = bench_areas(300, seed=7, tasks_max=6)
     assert not bench.differences
     assert bench.outcomes["committed: 1 regrasps added"] > 0
 
