@@ -17,7 +17,7 @@ from preshape.control.motions import Motion, wait
 from preshape.control.opening_frame import opening_frame
 from preshape.control.opening_motion import HandWaypoint, open_motion, push_motion
 from preshape.control.sight import Sight
-from preshape.control.task_grasp import grasp_box, shown_face
+from preshape.control.task_grasp import grasp_box, put_back, shown_face
 from preshape.control.task_open import play, present
 from preshape.control.task_regrasp import regrasp
 from preshape.control.task_show import find_opening_area
@@ -39,6 +39,8 @@ from preshape.hal.world import (
 )
 from preshape.planner.air_pose import AirPlace, upper_face
 
+GRASPS = 2
+"""How often the box is taken from the table until its opening faces the robot."""
 TASK_NAMES = ("grasp", "find opening", "regrasp", "crush", "open")
 
 
@@ -112,14 +114,14 @@ class BoxOpening:
             opening = self.work.opening
             assert opening is not None
             end = self._held_end()
-            yield from self._task(3, lambda: regrasp(self.work, self.guide, end))
+            yield from self._task(3, regrasp(self.work, self.guide, end))
             toward = self._toward(opening)
             push = push_motion(toward)
             depth = float(np.abs(face_normal(opening.edge)) @ self.work.box.size)
             hinge_distance = depth - self.work.box.tab_size[1] / 2
             pull = open_motion(toward, hinge_distance)
-            yield from self._task(4, lambda: self._crush(opening, end, (push, pull)))
-            yield from self._task(5, lambda: play(self.work, opening, pull))
+            yield from self._task(4, self._crush(opening, end, (push, pull)))
+            yield from self._task(5, play(self.work, opening, pull))
             yield from wait(self.work.body, 0.8)
         except TaskFailed as failed:
             self.failure = f"task {self.work.task} ({TASK_NAMES[self.work.task - 1]}): {failed.cause}"
@@ -127,17 +129,25 @@ class BoxOpening:
             self._log().end_s = self._now_s()
 
     def _take_and_find(self) -> Motion:
+        """Take the box and find its opening; if that shows the far side of the grip, take it anew the other way round.
+
+        Both hands would otherwise have straight fingers on the same face, long enough for their tips to meet.
+        """
         work = self.work
         likely: Face | None = None
-        yield from self._task(1, lambda: grasp_box(work, self.guide, likely, self._place))
-        first = shown_face(work.grips["right"])
-        faces: tuple[Face, ...] = (first, *(face for face in work.box.candidate_faces if face != first))
-        end = self._held_end()
-        yield from self._task(2, lambda: find_opening_area(work, faces, end, self._place))
-        if work.opening is not None and work.seen_at is not None:
-            self._report_opening(work.opening, work.seen_at)
-            if work.opening.face != first:
-                raise TaskFailed("unreachable: the opening lies on the far side of this grip")
+        for _ in range(GRASPS):
+            yield from self._task(1, grasp_box(work, self.guide, likely, self._place))
+            first = shown_face(work.grips["right"])
+            faces = (first, *(face for face in work.box.candidate_faces if face != first))
+            yield from self._task(2, find_opening_area(work, faces, self._held_end(), self._place))
+            assert work.opening is not None and work.seen_at is not None
+            if work.opening.face == first:
+                self._report_opening(work.opening, work.seen_at)
+                return
+            likely = work.opening.face
+            work.notes.append(f"opening on {likely}, the far side of this grip: put back")
+            yield from put_back(work)
+        raise TaskFailed("unreachable: the opening lies on the far side of every grip")
 
     def _held_end(self) -> Face:
         """Return the end cap in the right palm."""
@@ -158,11 +168,11 @@ class BoxOpening:
         yield from present(self.work, opening, end, motions)
         yield from play(self.work, opening, motions[0])
 
-    def _task(self, number: int, make: Callable[[], Motion]) -> Motion:
+    def _task(self, number: int, motion: Motion) -> Motion:
         self.work.task = number
         log = self._log()
         log.start_s, log.attempts, log.outcome = self._now_s(), log.attempts + 1, "running"
-        yield from make()
+        yield from motion
         log.outcome, log.end_s = "done", self._now_s()
 
     def _log(self) -> TaskLog:

@@ -23,6 +23,8 @@ INSERT_X = 0.021
 """The same while the hand comes: the box's middle between fingers and thumb, m."""
 CAP_Z = 0.176
 """Distance along palm z of the end cap from the palm's origin, m."""
+SPARE_M = 0.010
+"""How far a palm stays back when both hands have straight fingers on the same face: their tips would meet, m."""
 BRACE_Y = 0.0155
 """How far towards the thumb's side the box's middle lies in a brace grip, m."""
 GRASP_WIDTHS = (0.070, 0.100)
@@ -81,7 +83,9 @@ def _outward(finger: str) -> float:
     return 1.0 if after > before else -1.0
 
 
-def _palm(size: Matrix, end: Face, finger_face: Face, side: Side, across_y: float) -> tuple[Matrix, Matrix]:
+def _palm(
+    size: Matrix, end: Face, finger_face: Face, side: Side, across_y: float, back_m: float = 0.0
+) -> tuple[Matrix, Matrix]:
     """Return X_box_palm held and while it comes: z into the box, x from the finger face to the thumb's."""
     half = np.asarray(size, float) / 2
     n_end, n_finger = face_normal(end), face_normal(finger_face)
@@ -90,7 +94,7 @@ def _palm(size: Matrix, end: Face, finger_face: Face, side: Side, across_y: floa
     mirror = 1.0 if side == "right" else -1.0
     poses: list[Matrix] = []
     for face_x in (FACE_X, INSERT_X):
-        p_palm_box = np.array([face_x + np.abs(x) @ half, mirror * across_y, CAP_Z + np.abs(z) @ half])
+        p_palm_box = np.array([face_x + np.abs(x) @ half, mirror * across_y, CAP_Z + back_m + np.abs(z) @ half])
         poses.append(transform(-R @ p_palm_box, R))
     return poses[0], poses[1]
 
@@ -135,9 +139,10 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
     )
 
 
-def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side) -> Grip:
+def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side, back_m: float = 0.0) -> Grip:
     """Return the grip that leaves a face free: fore and middle against the thumb, the ring finger behind the box.
 
+    The palm stays `back_m` further from the end cap than usual, where the other hand's fingers lie in the way.
     `ValueError` when the width between the faces beside the opening does not suit the hand.
     """
     n_end, n_open = face_normal(end), face_normal(opening_face)
@@ -164,7 +169,7 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side) -> Grip:
     return Grip(
         "brace",
         side,
-        *_palm(size, end, finger_face, side, BRACE_Y),
+        *_palm(size, end, finger_face, side, BRACE_Y, back_m),
         preshape,
         stages,
         torques,

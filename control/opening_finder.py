@@ -38,7 +38,9 @@ from preshape.hal.transform import Matrix
 from preshape.hal.world import FACES, CameraModel, Face, Image, NominalBox, Opening, TextureLibrary
 
 MAX_VIEW_ANGLE = np.deg2rad(55.0)
-"""Faces seen more obliquely are not searched."""
+"""Faces seen more obliquely are not searched where the opening is to be measured."""
+GLANCE_VIEW_ANGLE = np.deg2rad(80.0)
+"""The same where it is only to be told which face carries it."""
 ACCEPT, REJECT = 0.70, 0.55
 """Scores from which a match is the opening, and below which it is none."""
 DISTINCT = 0.08
@@ -117,16 +119,18 @@ def find_opening(
     nominal: NominalBox,
     library: TextureLibrary,
     prior: PosePrior | None = None,
+    max_view_angle: float = MAX_VIEW_ANGLE,
 ) -> list[OpeningMatch]:
     """Return the best match for each long edge of each candidate face in view, best first.
 
-    `X_world_box` is the box's estimated pose when the image was taken. Empty when no candidate face is in view.
+    `X_world_box` is the box's estimated pose when the image was taken; faces seen more obliquely than
+    `max_view_angle` (rad) are left out. Empty when no candidate face is in view.
     """
     prior = prior or PosePrior()
     pixels = np.where(image.pixels > 0, smoothed(image.pixels), 0.0).astype(np.float32)
     view = _View(pixels, image.model, np.asarray(nominal.size, float), X_world_box, prior)
     patch = resized(library.opening, library.pixels_per_m)
-    angles = visible_faces(image.model, X_world_box, view.size, MAX_VIEW_ANGLE)
+    angles = visible_faces(image.model, X_world_box, view.size, max_view_angle)
     matches = [
         match
         for face in nominal.candidate_faces

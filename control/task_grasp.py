@@ -10,8 +10,9 @@ from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip, cage_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait, wait_for
-from preshape.control.opening_finder import Verdict, decide, find_opening
+from preshape.control.opening_finder import GLANCE_VIEW_ANGLE, Verdict, decide, find_opening
 from preshape.control.work import Work
+from preshape.hal.layout import Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, transform
 from preshape.hal.world import FACES, Face, face_normal, opposite
@@ -22,6 +23,8 @@ PREGRASP_M = 0.14
 """Height of the palm above its grasp pose at which the field takes over, m."""
 STANDOFF_M = 0.11
 """Distance from the grasp pose, back along the palm's z axis, at which the fingertips reach the box's end, m."""
+SET_DOWN_M = 0.004
+"""Height above the table from which the box is let go, m."""
 LIFT_M = 0.13
 """How far the box is lifted straight up, m."""
 
@@ -48,9 +51,10 @@ def glance(work: Work) -> Face | None:
 
     One glance cannot measure the opening (task 2 does); it only tells which face to show first.
     """
-    matches = find_opening(work.sight.image(), work.sight.X_world_box, work.box, work.library)
+    image = work.sight.image()
+    matches = find_opening(image, work.sight.X_world_box, work.box, work.library, max_view_angle=GLANCE_VIEW_ANGLE)
     decision = decide(matches)
-    if decision.verdict is Verdict.FOUND and decision.match is not None:
+    if decision.verdict in (Verdict.FOUND, Verdict.AMBIGUOUS) and decision.match is not None:
         return decision.match.opening.face
     seen = set(decision.faces) if decision.verdict is Verdict.NOT_HERE else set()
     left: list[Face] = [face for face in work.box.candidate_faces if face not in seen]
@@ -137,6 +141,7 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     work.phase = "lay on"
     yield from lead_palm(work.body, "right", work.sight.X_world_box @ choice.grip.X_box_palm, speed=0.02)
     work.phase = "close"
+    work.stood_at = work.sight.X_world_box
     yield from hand.close(choice.grip)
     work.sight.hold("right")
     work.phase = "lift"
@@ -144,3 +149,27 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     X_lift = transform((0.0, 0.0, LIFT_M)) @ work.body.asked_palm("right")
     yield from lead_palm(work.body, "right", X_lift, speed=0.12)
     hand.check()
+
+
+def put_back(work: Work) -> Motion:
+    """Stand the held box where it was taken from, let go and draw back."""
+    if work.stood_at is None:
+        raise TaskFailed("unreachable: the box was not taken from anywhere")
+    body = work.body
+    work.phase = "put back"
+    X_box_palm = inverse(work.sight.X_world_box) @ body.palm("right")
+    X_stand = transform((0.0, 0.0, SET_DOWN_M)) @ work.stood_at @ X_box_palm
+    yield from work.travel_to_palm("right", transform((0.0, 0.0, LIFT_M)) @ X_stand)
+    yield from lead_palm(body, "right", X_stand, speed=0.08)
+    yield from wait(body, 0.2)
+    yield from work.hands["right"].open()
+    work.sight.release()
+    yield from draw_back(work, "right", PREGRASP_M)
+
+
+def draw_back(work: Work, side: Side, distance: float) -> Motion:
+    """Take an opened hand off the box: first sideways, off the face its fingers lie on, then back along its axis."""
+    body = work.body
+    X_off = work.sight.X_world_box @ work.grips[side].X_box_palm_insert
+    yield from lead_palm(body, side, X_off, speed=0.02)
+    yield from lead_palm(body, side, back_off(X_off, distance), speed=0.10)

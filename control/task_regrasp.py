@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
-from preshape.control.grips import brace_grip
+from preshape.control.grips import SPARE_M, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
-from preshape.control.task_grasp import STANDOFF_M, back_off
+from preshape.control.task_grasp import STANDOFF_M, back_off, draw_back, shown_face
 from preshape.control.work import Work
 from preshape.hal.world import Face, opposite
 
@@ -14,7 +14,7 @@ PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
 EASED = 0.6
 """Share of its torques that the right hand keeps while the left closes: both press on the same two panels."""
-RETREAT_M = 0.14
+RETREAT_M = 0.16
 """How far the right hand draws back along its own axis, m."""
 
 
@@ -23,7 +23,9 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     if work.opening is None:
         raise TaskFailed("unseen: the opening area is not known")
     body = work.body
-    grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left")
+    same_face = shown_face(work.grips["right"]) != work.opening.face
+    back = SPARE_M if same_face else 0.0
+    grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left", back)
     work.phase = "travel"
     X_grasp = work.sight.X_world_box @ grip.X_box_palm
     q_grasp = work.posture("left", X_grasp)
@@ -56,6 +58,6 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     work.phase = "release"
     yield from work.hands["right"].open()
     work.phase = "retreat"
-    yield from lead_palm(body, "right", back_off(body.asked_palm("right"), RETREAT_M), speed=0.12)
+    yield from draw_back(work, "right", RETREAT_M)
     work.hands["left"].check()
     yield from wait(body, 0.5)

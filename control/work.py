@@ -38,7 +38,10 @@ CLEARANCE_M = 0.020
 
 @dataclass(slots=True, eq=False)
 class Work:
-    """The shared ground of one procedure; `task` and `phase` are what observers are told."""
+    """The shared ground of one procedure; `task` and `phase` are what observers are told.
+
+    `stood_at` is the box's pose where it was taken from, `seen_at` its pose when the opening was found (world).
+    """
 
     cell: Workcell
     box: NominalBox
@@ -49,6 +52,7 @@ class Work:
     opening: Opening | None = None
     grips: dict[Side, Grip] = field(default_factory=dict)
     seen_at: Matrix | None = None
+    stood_at: Matrix | None = None
     carrier: Callable[[], Matrix | None] | None = None
     task: int = 1
     phase: str = "start"

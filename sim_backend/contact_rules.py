@@ -44,13 +44,16 @@ def hand(side: Side) -> tuple[str, ...]:
 _LID_PINCH = ("rim", "lid", "tab")
 RULES: dict[int, tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]] = {
     1: ((("table",), BOX), (hand("right"), BOX)),
-    2: ((hand("right"), BOX),),
+    2: ((("table",), BOX), (hand("right"), BOX)),
     3: ((hand("right"), BOX), (hand("left"), BOX)),
     4: ((("right_thumb",), BOX), (hand("left"), BOX)),
     5: ((("right_thumb",), BOX), (("right_fore", "right_middle"), _LID_PINCH), (hand("left"), BOX)),
     6: ((("right_thumb",), BOX), (("right_fore", "right_middle"), _LID_PINCH), (hand("left"), BOX)),
 }
-"""Stage -> pairs of class groups that may touch; every pair not listed must not."""
+"""Stage -> pairs of class groups that may touch; every pair not listed must not.
+
+In stage 2 the right hand may set the box down again to take it the other way round.
+"""
 
 
 def contact_table() -> NDArray[np.int8]:

@@ -19,8 +19,8 @@ class HoldSlip:
     """Sliding accumulated at the contacts of the holding hand.
 
     Each hand part integrates its tangential velocity against the box, s = int v_t dt (vector, box frame). Whenever
-    s has moved by the dead band the distance is added to the part's path, and, weighted by the part's share of its
-    hand's load (low-passed), to the hand's slip: the load-weighted mean sliding of its contacts while it held.
+    s has moved by the dead band the distance is added to the part's path, and, weighted by the part's share of the
+    load of all that holds (low-passed), to its hand's slip: a hand that only touches on leaving adds little.
     """
 
     def __init__(self, timestep_s: float) -> None:
@@ -58,10 +58,11 @@ def _slide(
     filtered: Vector, net: Matrix, anchor: Matrix, path: Vector, slip: Vector,
 ) -> None:  # fmt: skip
     half = len(load) // 2
-    total = np.zeros(2)
+    total = 0.0
     for link in range(len(load)):
         filtered[link] = keep * filtered[link] + (1.0 - keep) * load[link]
-        total[link // half] += filtered[link]
+        if (right_holds and link < half) or (left_holds and link >= half):
+            total += filtered[link]
     for link in range(len(load)):
         hand = link // half
         holds = right_holds if hand == 0 else left_holds
@@ -78,7 +79,7 @@ def _slide(
         if distance > DEADBAND_M:
             anchor[link] = net[link]
             path[link] += distance
-            slip[hand] += distance * filtered[link] / total[hand] if total[hand] > 0.0 else 0.0
+            slip[hand] += distance * filtered[link] / total if total > 0.0 else 0.0
 
 
 class Sustained:
