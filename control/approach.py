@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from preshape.control.body import Body
+from preshape.control.carrier import Carrier
 from preshape.control.contact_policy import Phase, Settling, apply_policy
 from preshape.control.failure import TaskFailed
 from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
@@ -83,15 +84,14 @@ def approach(
     side: Side,
     X_box_palm: Matrix,
     preshape: Vector,
-    carrier: Callable[[], Matrix | None] | None = None,
+    carrier: Carrier | None = None,
     limits: ApproachLimits | None = None,
     note: Callable[[str], None] = lambda phase: None,
 ) -> Motion:
     """Bring a palm to a pose fixed to the box, its fingers to a preshape, repelled by everything else.
 
-    `carrier` returns the twist (6,) at the box's centre that the holding hand is commanded, or None when the
-    box stands still: it is fed forward, so the field lives in the box's frame. `TaskFailed` names a stall
-    (no way on for `stall_s`) or the time being up.
+    The twist that a `carrier` commands at the box's centre is fed forward, so the field lives in the box's
+    frame. `TaskFailed` names a stall (no way on for `stall_s`) or the time being up.
     """
     limits = limits or ApproachLimits()
     settling = Settling(limits.settle_inner_m, limits.settle_outer_m)
@@ -101,8 +101,9 @@ def approach(
     for tick in range(ticks(body, limits.time_s)):
         new_obstacle = guide.refresh()
         X_world_box = sight.X_world_box
-        goal = HandGoal(X_world_box @ X_box_palm, preshape)
-        moved = not np.allclose(X_world_box, goal_box, atol=0.004)
+        X_led = X_world_box if carrier is None else carrier.ahead(X_world_box)
+        goal = HandGoal(X_led @ X_box_palm, preshape)
+        moved = carrier is None and not np.allclose(X_world_box, goal_box, atol=0.004)
         if clearance is None or new_obstacle or moved:
             clearance, goal_box = goal_clearance(guide.field, side, goal), X_world_box
         joints = body.position[LAYOUT.hand(side)]
@@ -119,7 +120,7 @@ def approach(
             guide.read()
         note(phase.value if settled < 1.0 else Phase.NEAR.value)
         feed = None
-        twist_box = carrier() if carrier is not None else None
+        twist_box = carrier.twist if carrier is not None else None
         if twist_box is not None:
             feed = carried_twist(twist_box, X_world_box[:3, 3], X_palm[:3, 3])
         motion = guide.field.motion(side, goal, joints, feed)
@@ -150,6 +151,7 @@ def insert(
     side: Side,
     X_box_palm: Matrix,
     preshape: Vector,
+    carrier: Carrier | None = None,
     speed: float = 0.05,
     limits: ApproachLimits | None = None,
 ) -> Motion:
@@ -159,7 +161,8 @@ def insert(
     is applied to the joint angles only. The line is held in the box's frame, so a moving box is followed.
     """
     limits = limits or ApproachLimits()
-    X_box_start = inverse(sight.X_world_box) @ body.asked_palm(side)
+    X_start = sight.X_world_box if carrier is None else carrier.ahead(sight.X_world_box)
+    X_box_start = inverse(X_start) @ body.asked_palm(side)
     distance = float(np.linalg.norm(X_box_palm[:3, 3] - X_box_start[:3, 3]))
     count = ticks(body, max(15.0 / 8.0 * distance / speed, 0.3))
     hand = LAYOUT.hand(side)
@@ -167,7 +170,8 @@ def insert(
     for k in range(1, count + 1):
         guide.refresh()
         X_world_box = sight.X_world_box
-        body.ask_palm(side, X_world_box @ between(X_box_start, X_box_palm, eased(k / count)))
+        X_led = X_world_box if carrier is None else carrier.ahead(X_world_box)
+        body.ask_palm(side, X_led @ between(X_box_start, X_box_palm, eased(k / count)))
         goal = HandGoal(X_world_box @ X_box_palm, preshape)
         if clearance is None:
             clearance = goal_clearance(guide.field, side, goal)

@@ -9,6 +9,7 @@ import numpy as np
 
 from preshape.control.approach import FieldGuide
 from preshape.control.body import Body
+from preshape.control.carrier import CarryOptions
 from preshape.control.controller import Setpoint
 from preshape.control.failure import TaskFailed
 from preshape.control.field import FieldOptions
@@ -68,12 +69,13 @@ class BoxOpening:
         period_s: float,
         options: FieldOptions | None = None,
         report_opening: Callable[[Opening, Matrix], None] = lambda opening, X: None,
+        carry: CarryOptions | None = None,
     ) -> None:
         """Build everything; nothing moves before `step`."""
         body = Body(cell, period_s)
         sight = Sight(perception, body)
         hands: dict[Side, Hand] = {side: Hand(side, body) for side in SIDES}
-        self.work = Work(cell, box, library, body, sight, hands)
+        self.work = Work(cell, box, library, body, sight, hands, carry or CarryOptions())
         self.guide = FieldGuide(body, sight, box, options or FieldOptions())
         self.tasks = [TaskLog(number + 1, name) for number, name in enumerate(TASK_NAMES)]
         self.failure: str | None = None

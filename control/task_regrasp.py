@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from preshape.control.approach import FieldGuide, approach, insert
+from preshape.control.carrier import Carrier
 from preshape.control.failure import TaskFailed
-from preshape.control.grips import SPARE_M, brace_grip
+from preshape.control.grips import SPARE_M, Grip, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
 from preshape.control.task_grasp import STANDOFF_M, back_off, draw_back, shown_face
 from preshape.control.work import Work
+from preshape.hal.transform import inverse
 from preshape.hal.world import Face, opposite
 
 PREGRASP_M = 0.14
@@ -16,6 +18,20 @@ EASED = 0.6
 """Share of its torques that the right hand keeps while the left closes: both press on the same two panels."""
 RETREAT_M = 0.16
 """How far the right hand draws back along its own axis, m."""
+
+
+def carried(work: Work, carrier: Carrier, motion: Motion) -> Motion:
+    """Run a motion while the holding hand is led on."""
+    for _ in motion:
+        carrier.step(work.sight.X_world_box)
+        yield
+
+
+def settle(work: Work, grip: Grip, carrier: Carrier) -> Motion:
+    """Keep the left hand around the box until the box has come to rest."""
+    while not carrier.stopped:
+        work.body.ask_palm("left", carrier.ahead(work.sight.X_world_box) @ grip.X_box_palm_insert)
+        yield
 
 
 def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
@@ -38,15 +54,22 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     yield from work.travel("left", q_start)
     body.prefer_posture("left", q_grasp)
 
+    carrier = Carrier(body, "right", inverse(body.palm("right")) @ work.sight.X_world_box, work.carry)
+
     def note(phase: str) -> None:
         work.phase = phase
 
-    yield from approach(
-        guide, body, work.sight, "left", back_off(grip.X_box_palm_insert, STANDOFF_M), grip.preshape,
-        carrier=work.carrier, note=note,
-    )  # fmt: skip
+    X_standoff = back_off(grip.X_box_palm_insert, STANDOFF_M)
+    yield from carried(
+        work, carrier, approach(guide, body, work.sight, "left", X_standoff, grip.preshape, carrier, note=note)
+    )
     work.phase = "insert"
-    yield from insert(guide, body, work.sight, "left", grip.X_box_palm_insert, grip.preshape)
+    yield from carried(
+        work, carrier, insert(guide, body, work.sight, "left", grip.X_box_palm_insert, grip.preshape, carrier)
+    )
+    carrier.stop()
+    work.phase = "settle"
+    yield from carried(work, carrier, settle(work, grip, carrier))
     work.phase = "lay on"
     yield from lead_palm(body, "left", work.sight.X_world_box @ grip.X_box_palm, speed=0.02)
     work.phase = "close"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from preshape.control.body import Body
+from preshape.control.carrier import CarryOptions
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip
 from preshape.control.hand import Hand
@@ -49,11 +49,11 @@ class Work:
     body: Body
     sight: Sight
     hands: dict[Side, Hand]
+    carry: CarryOptions
     opening: Opening | None = None
     grips: dict[Side, Grip] = field(default_factory=dict)
     seen_at: Matrix | None = None
     stood_at: Matrix | None = None
-    carrier: Callable[[], Matrix | None] | None = None
     task: int = 1
     phase: str = "start"
     notes: list[str] = field(default_factory=list)

@@ -11,7 +11,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
+import numpy as np
+
 from preshape.control.box_opening import BoxOpening
+from preshape.control.carrier import CarryOptions
 from preshape.control.field import FieldOptions
 from preshape.control.loop import ControlLoop
 from preshape.control.loop_result import LoopConfig, LoopResult
@@ -104,6 +107,11 @@ def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpe
         1.0 / RATE_HZ,
         FieldOptions(norm=options.norm, ties=options.ties, mode=options.field),
         world.report_opening,
+        CarryOptions(
+            speed=options.carry_speed,
+            turn_speed=float(np.deg2rad(options.carry_turn_deg)),
+            feed_forward=options.feed_forward,
+        ),
     )
 
 
