@@ -20,6 +20,7 @@ from preshape.hal.world import Workcell
 from preshape.planner.arm_kinematics import palm_pose
 
 _ARMS = np.concatenate([np.arange(LAYOUT.dof)[LAYOUT.arm(side)] for side in SIDES])
+_TRACKED = np.isin(np.arange(LAYOUT.dof), _ARMS)
 
 
 class Body:
@@ -109,7 +110,7 @@ class Body:
         # Fingers led by torque have noisy goals: only the arms' goals carry a speed worth meeting.
         speed = np.zeros(LAYOUT.dof)
         speed[_ARMS] = (goal - self._last_goal)[_ARMS] / self.period_s
-        step = self._smoother.update(goal, speed)
+        step = self._smoother.update(goal, speed, _TRACKED)
         self._last_goal[:] = goal
         return Setpoint(step.position, self._limit)
 

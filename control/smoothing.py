@@ -12,13 +12,17 @@ from typing import Any
 
 import numpy as np
 import ruckig as untyped_ruckig
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import Vector
 
 ruckig: Any = untyped_ruckig  # its extension module has no types
 
+_POSITION = np.full(LAYOUT.dof, ruckig.ControlInterface.Position, dtype=object)
+_VELOCITY = np.full(LAYOUT.dof, ruckig.ControlInterface.Velocity, dtype=object)
+TRACKING_GAIN = 40.0
+"""Speed per distance from a tracked target, 1/s."""
 ROUNDING = 1e-9
 """A position this little (rad) outside its limits is put back without a stop."""
 
@@ -87,7 +91,9 @@ class Smoother:
         self._input.max_velocity = self.velocity_limit.tolist()
         self._input.max_acceleration = self.acceleration_limit.tolist()
         self._input.max_jerk = self.jerk_limit.tolist()
+        self._input.per_dof_control_interface = [ruckig.ControlInterface.Position] * LAYOUT.dof
         self._zeros = [0.0] * LAYOUT.dof
+        self._interface: Any = _POSITION
         self.clamped = 0
         self.seed(0.5 * (LAYOUT.lower + LAYOUT.upper))
 
@@ -103,11 +109,17 @@ class Smoother:
         self.velocity = np.clip(speed, -self.velocity_limit, self.velocity_limit)
         self.acceleration = np.zeros(LAYOUT.dof)
 
-    def update(self, target_position: ArrayLike, target_velocity: ArrayLike | None = None) -> SmoothStep:
-        """Return the command one period on, towards a target position (40,), rad, met at a target velocity.
+    def update(
+        self, target_position: ArrayLike, target_velocity: ArrayLike | None = None, tracked: NDArray[np.bool_] | None = None
+    ) -> SmoothStep:
+        """Return the command one period on, towards a target position (40,), rad.
 
-        Targets outside the position limits are moved to them, target velocities cut so that the joint can
-        stop, or take its run-up, within its limits. A target that is not finite brakes: BAD_TARGET.
+        Joints marked in `tracked` (40,) follow a target that moves at `target_velocity` (40,), rad/s: their speed is
+        that of the target plus `TRACKING_GAIN` times what is left, cut so that they can stop at the target and
+        within their limits. The others come to rest at the target in the least time. (To meet a moving target in
+        the least time is no way to track it: once ahead of it by a hair, the quickest way to its position *and*
+        speed is to brake, go back and start again.) Targets outside the position limits are moved to them; a target
+        that is not finite brakes: BAD_TARGET.
 
         Raises:
             ValueError: a target has another shape.
@@ -117,11 +129,13 @@ class Smoother:
         if not (np.isfinite(target).all() and np.isfinite(speed).all()):
             return self._brake(SmoothStatus.BAD_TARGET)
         target = np.minimum(np.maximum(target, LAYOUT.lower), LAYOUT.upper)
-        self._input.control_interface = ruckig.ControlInterface.Position
         self._input.target_position = target.tolist()
-        self._input.target_velocity = (
-            self._zeros if target_velocity is None else self._stoppable(target, speed).tolist()
-        )
+        if tracked is None:
+            self._set_interface(_POSITION)
+            self._input.target_velocity = self._zeros
+        else:
+            self._set_interface(np.where(tracked, ruckig.ControlInterface.Velocity, ruckig.ControlInterface.Position))
+            self._input.target_velocity = np.where(tracked, self._tracking_speed(target, speed), 0.0).tolist()
         result = self._advance()
         return self._brake(SmoothStatus.FAILED) if result is None else self._step(result)
 
@@ -129,14 +143,23 @@ class Smoother:
         """Return the command one period on when every joint comes to rest in the least time; REACHED at rest."""
         return self._brake(None)
 
-    def _stoppable(self, target: Vector, speed: Vector) -> Vector:
-        # An inward speed at a limit needs a run-up beyond it, so both directions get the same bound.
-        room = np.minimum(LAYOUT.upper - target, target - LAYOUT.lower)
-        top = np.minimum(stopping_speed(room, self.acceleration_limit, self.jerk_limit), self.velocity_limit)
-        return np.minimum(np.maximum(speed, -top), top)
+    def _set_interface(self, interface: Any) -> None:
+        """Tell ruckig how each joint is controlled, where that has changed."""
+        if interface is not self._interface and not np.array_equal(interface, self._interface):
+            self._input.per_dof_control_interface = interface.tolist()
+        self._interface = interface
+
+    def _tracking_speed(self, target: Vector, speed: Vector) -> Vector:
+        left = target - self.position
+        stop = stopping_speed(np.abs(left), self.acceleration_limit, self.jerk_limit)
+        wanted = speed + np.sign(left) * np.minimum(TRACKING_GAIN * np.abs(left), stop)
+        room = np.where(wanted > 0.0, LAYOUT.upper - self.position, self.position - LAYOUT.lower)
+        top = stopping_speed(np.maximum(room, 0.0), self.acceleration_limit, self.jerk_limit)
+        top = np.minimum(top, self.velocity_limit)
+        return np.minimum(np.maximum(wanted, -top), top)
 
     def _brake(self, status: SmoothStatus | None) -> SmoothStep:
-        self._input.control_interface = ruckig.ControlInterface.Velocity
+        self._set_interface(_VELOCITY)
         self._input.target_velocity = self._zeros
         result = self._advance()
         if result is None:
