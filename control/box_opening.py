@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from preshape.control.approach import FieldGuide
 from preshape.control.body import Body
 from preshape.control.carrier import CarryOptions
 from preshape.control.controller import Setpoint
+from preshape.control.course import Course
 from preshape.control.failure import TaskFailed
 from preshape.control.field import FieldOptions
 from preshape.control.hand import Hand
@@ -81,6 +82,7 @@ class BoxOpening:
         self.failure: str | None = None
         self._report_opening = report_opening
         self._place = AirPlace()
+        self._courses: tuple[Course, ...] = ()
         self._procedure = self._run()
         self._finished = False
 
@@ -118,12 +120,10 @@ class BoxOpening:
             end = self._held_end()
             yield from self._task(3, regrasp(self.work, self.guide, end))
             toward = self._toward(opening)
-            push = push_motion(toward)
             depth = float(np.abs(face_normal(opening.edge)) @ self.work.box.size)
-            hinge_distance = depth - self.work.box.tab_size[1] / 2
-            pull = open_motion(toward, hinge_distance)
-            yield from self._task(4, self._crush(opening, end, (push, pull)))
-            yield from self._task(5, play(self.work, opening, pull))
+            motions = (push_motion(toward), open_motion(toward, depth - self.work.box.tab_size[1] / 2))
+            yield from self._task(4, self._crush(opening, end, motions))
+            yield from self._task(5, play(self.work, opening, self._courses[1]))
             yield from wait(self.work.body, 0.8)
         except TaskFailed as failed:
             self.failure = f"task {self.work.task} ({TASK_NAMES[self.work.task - 1]}): {failed.cause}"
@@ -166,9 +166,9 @@ class BoxOpening:
         y = opening_frame(self.work.box, opening)[:3, 1]
         return float(np.sign(-y @ face_normal(self._held_end())))
 
-    def _crush(self, opening: Opening, end: Face, motions: tuple[tuple[HandWaypoint, ...], ...]) -> Motion:
-        yield from present(self.work, opening, end, motions)
-        yield from play(self.work, opening, motions[0])
+    def _crush(self, opening: Opening, end: Face, motions: Sequence[Sequence[HandWaypoint]]) -> Motion:
+        self._courses = yield from present(self.work, opening, end, motions)
+        yield from play(self.work, opening, self._courses[0])
 
     def _task(self, number: int, motion: Motion) -> Motion:
         self.work.task = number

@@ -27,7 +27,7 @@ class HandWaypoint:
     duration_s: float
 
 
-FIST = (0.0, 0.95, 1.20)
+FIST = (0.0, 1.13, 1.29)
 """A folded finger's abduction, flexion and middle joint, rad: further in, the fore finger meets the thumb."""
 
 

@@ -110,7 +110,10 @@ class Smoother:
         self.acceleration = np.zeros(LAYOUT.dof)
 
     def update(
-        self, target_position: ArrayLike, target_velocity: ArrayLike | None = None, tracked: NDArray[np.bool_] | None = None
+        self,
+        target_position: ArrayLike,
+        target_velocity: ArrayLike | None = None,
+        tracked: NDArray[np.bool_] | None = None,
     ) -> SmoothStep:
         """Return the command one period on, towards a target position (40,), rad.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from preshape.control.opening_motion import HandWaypoint
 from preshape.control.work import CLEARANCE_M, Work
 from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.state import Vector
-from preshape.hal.transform import inverse
+from preshape.hal.transform import Matrix, inverse
 from preshape.hal.world import Face, Opening
 from preshape.planner.air_pose import air_pose, open_places
 from preshape.planner.arm_capsules import HeldBox
@@ -23,39 +23,6 @@ from preshape.planner.arm_collision import ArmCollision
 
 ROOMY = ChainQuery(least_score=10.0)
 """What a place must offer the right arm; the motion itself may then come nearer to a limit."""
-
-
-def present(work: Work, opening: Opening, right_end: Face, motions: Sequence[Sequence[HandWaypoint]]) -> Motion:
-    """Bring the box, held by the left hand, to the first place where the right arm can follow all motions."""
-    work.phase = "present"
-    held = HeldBox("left", inverse(work.body.palm("left")) @ work.sight.X_world_box, work.box.size / 2)
-    X_box_palm, X_box_opening = inverse(held.X_palm_box), opening_frame(work.box, opening)
-    for place in open_places():
-        X_box = air_pose(place, right_end, opening.face)
-        q_left = work.posture("left", X_box @ X_box_palm, work.collision(held=held))
-        if q_left is None:
-            continue
-        free = _Checker(work, held, q_left)
-        if all(plan_course(work, "right", X_box @ X_box_opening, motion, free, ROOMY) for motion in motions):
-            yield from work.travel("left", q_left, speed=0.25)
-            return
-    raise TaskFailed("unreachable: no place where the right arm can open the box that the left hand holds")
-
-
-def play(work: Work, opening: Opening, waypoints: Sequence[HandWaypoint]) -> Motion:
-    """Carry out a motion in the opening's frame: travel to its first way-point, then follow it."""
-    body = work.body
-    X_world_opening = work.sight.X_world_box @ opening_frame(work.box, opening)
-    held = HeldBox("left", inverse(body.palm("left")) @ work.sight.X_world_box, work.box.size / 2)
-    course: Course | None = plan_course(
-        work, "right", X_world_opening, waypoints, _Checker(work, held, body.asked_arm("left"))
-    )
-    if course is None:
-        raise TaskFailed("unreachable: the right arm cannot follow the motion at the opening")
-    work.phase = "travel"
-    yield from lead_fingers(body, "right", waypoints[0].fingers)
-    yield from work.travel("right", course.start)
-    yield from follow_course(work, "right", X_world_opening, course)
 
 
 class _Checker:
@@ -70,3 +37,46 @@ class _Checker:
     def __call__(self, number: int, q: Vector) -> bool:
         self._q[:ARM_DOF] = q
         return self._model.is_free(self._q, CLEARANCE_M / 2)
+
+
+def present(
+    work: Work, opening: Opening, right_end: Face, motions: Sequence[Sequence[HandWaypoint]]
+) -> Generator[None, None, tuple[Course, ...]]:
+    """Bring the box, held by the left hand, to the first place where the right arm can follow all motions.
+
+    Returns the right arm's courses through them.
+    """
+    work.phase = "present"
+    held = HeldBox("left", inverse(work.body.palm("left")) @ work.sight.X_world_box, work.box.size / 2)
+    X_box_palm, X_box_opening = inverse(held.X_palm_box), opening_frame(work.box, opening)
+    for place in open_places():
+        X_box = air_pose(place, right_end, opening.face)
+        q_left = work.posture("left", X_box @ X_box_palm, work.collision(held=held))
+        if q_left is None:
+            continue
+        courses = _courses(work, X_box @ X_box_opening, motions, _Checker(work, held, q_left))
+        if courses is not None:
+            yield from work.travel("left", q_left, speed=0.25)
+            return courses
+    raise TaskFailed("unreachable: no place where the right arm can open the box that the left hand holds")
+
+
+def _courses(
+    work: Work, X_world_opening: Matrix, motions: Sequence[Sequence[HandWaypoint]], free: _Checker
+) -> tuple[Course, ...] | None:
+    found: list[Course] = []
+    for motion in motions:
+        course = plan_course(work, "right", X_world_opening, motion, free, ROOMY)
+        if course is None:
+            return None
+        found.append(course)
+    return tuple(found)
+
+
+def play(work: Work, opening: Opening, course: Course) -> Motion:
+    """Carry out a motion in the opening's frame: travel to its first posture, aim by what is seen then, follow it."""
+    work.phase = "travel"
+    yield from lead_fingers(work.body, "right", course.waypoints[0].fingers)
+    yield from work.travel("right", course.start)
+    X_world_opening = work.sight.X_world_box @ opening_frame(work.box, opening)
+    yield from follow_course(work, "right", X_world_opening, course)

@@ -16,6 +16,8 @@ PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
 EASED = 0.6
 """Share of its torques that the right hand keeps while the left closes: both press on the same two panels."""
+TIGHTENED = 1.15
+"""Share of its torques that the left hand holds with once it presses on its panels alone."""
 RETREAT_M = 0.16
 """How far the right hand draws back along its own axis, m."""
 
@@ -83,4 +85,5 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     work.phase = "retreat"
     yield from draw_back(work, "right", RETREAT_M)
     work.hands["left"].check()
+    work.hands["left"].ease(TIGHTENED)
     yield from wait(body, 0.5)
