@@ -50,7 +50,8 @@ class Carrier:
 
     def __init__(self, body: Body, side: Side, X_palm_box: Matrix, options: CarryOptions) -> None:
         """Start at the pose asked for now."""
-        self._body, self._side, self._options = body, side, options
+        self._body, self._options = body, options
+        self._side: Side = side
         self._X_palm_box = X_palm_box
         self._X_start: Matrix = body.asked_palm(side) @ X_palm_box
         self._place = 0.0

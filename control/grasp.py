@@ -32,6 +32,8 @@ MET = 0.85
 """Share of its goal at which a torque counts as met."""
 MOST_TRAVEL = 0.75
 """A driven joint that has turned this far without touching has missed, rad."""
+LET_GO_RAD = 0.03
+"""The driven joints count as open from here, rad."""
 STALE_S = 0.05
 """Samples older than this are not integrated on."""
 
@@ -170,8 +172,11 @@ class Grasp:
             self._target[joints] = np.clip(self._target[joints] + step, self._lower[joints], self._upper[joints])
 
     def _let_go(self, dt: float) -> None:
+        """Open the driven joints first: what only lies around the object then leaves it without rubbing along."""
         left = self.grip.preshape - self._target
-        self._target += np.clip(left, -OPENING_SPEED * dt, OPENING_SPEED * dt)
+        driven = np.isfinite(self.grip.torques)
+        going = driven if np.abs(left[driven]).max() > LET_GO_RAD else np.ones(HAND_DOF, dtype=np.bool_)
+        self._target += np.where(going, np.clip(left, -OPENING_SPEED * dt, OPENING_SPEED * dt), 0.0)
         if np.abs(left).max() < 1e-3:
             self.status = GraspStatus.OPEN
 

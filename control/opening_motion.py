@@ -113,11 +113,11 @@ def open_motion(
         HandWaypoint("lean", at(TIP_X, -DEPTH, 0.0, LEVER_Y), fist, 0.6),
         HandWaypoint("lever", at(-0.028, -0.028, 45.0, LEVER_Y), fist, 1.2),
         HandWaypoint("tear", at(-0.031, -0.020, 53.0, LEVER_Y), fist, 1.0),
-        HandWaypoint("raise", at(*rise), fist, 1.0),
-        HandWaypoint("hook", at(*rise), hook, 0.6),
-        HandWaypoint("pinch", at(*rise), pinch, 0.6),
+        HandWaypoint("raise", at(*rise, LEVER_Y), fist, 1.0),
+        HandWaypoint("hook", at(*rise, LEVER_Y), hook, 0.6),
+        HandWaypoint("pinch", at(*rise, LEVER_Y), pinch, 0.6),
     ]
-    X_rise, steps = at(*rise), 8
+    X_rise, steps = at(*rise, LEVER_Y), 8
     turned = [_about_hinge(X_rise, hinge_distance, turn * (k + 1) / steps) for k in range(steps)]
     turns = [HandWaypoint("turn", X, pinch, 0.35) for X in turned]
     X_end = turned[-1]
