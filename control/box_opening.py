@@ -140,7 +140,7 @@ class BoxOpening:
         for _ in range(GRASPS):
             yield from self._task(1, grasp_box(work, self.guide, likely, self._place))
             first = shown_face(work.grips["right"])
-            faces = (first, *(face for face in work.box.candidate_faces if face != first))
+            faces: tuple[Face, ...] = (first, *(face for face in work.box.candidate_faces if face != first))
             yield from self._task(2, find_opening_area(work, faces, self._held_end(), self._place))
             assert work.opening is not None and work.seen_at is not None
             if work.opening.face == first:
