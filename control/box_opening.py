@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -41,6 +42,7 @@ from preshape.hal.world import (
 )
 from preshape.planner.air_pose import AirPlace, upper_face
 
+T = TypeVar("T")
 GRASPS = 2
 """How often the box is taken from the table until its opening faces the robot."""
 TASK_NAMES = ("grasp", "find opening", "regrasp", "crush", "open")
@@ -131,25 +133,27 @@ class BoxOpening:
             self._log().end_s = self._now_s()
 
     def _take_and_find(self) -> Motion:
-        """Take the box and find its opening; if that shows the far side of the grip, take it anew the other way round.
+        """Take the box and look for its opening; if it is not on the face shown, take it anew the other way round.
 
-        Both hands would otherwise have straight fingers on the same face, long enough for their tips to meet.
+        Opened as it is, both hands would have straight fingers on the same face, long enough for their tips to meet.
         """
         work = self.work
         likely: Face | None = None
+        unseen: list[Face] = list(work.box.candidate_faces)
         for _ in range(GRASPS):
             yield from self._task(1, grasp_box(work, self.guide, likely, self._place))
-            first = shown_face(work.grips["right"])
-            faces: tuple[Face, ...] = (first, *(face for face in work.box.candidate_faces if face != first))
-            yield from self._task(2, find_opening_area(work, faces, self._held_end(), self._place))
-            assert work.opening is not None and work.seen_at is not None
-            if work.opening.face == first:
+            face = shown_face(work.grips["right"])
+            found = yield from self._task(2, find_opening_area(work, face, self._held_end(), self._place))
+            if found and work.opening is not None and work.seen_at is not None:
                 self._report_opening(work.opening, work.seen_at)
                 return
-            likely = work.opening.face
-            work.notes.append(f"opening on {likely}, the far side of this grip: put back")
+            unseen = [other for other in unseen if other != face]
+            if not unseen:
+                break
+            likely = unseen[0]
+            work.notes.append(f"opening not on {face}: put back to be taken the other way round")
             yield from put_back(work)
-        raise TaskFailed("unreachable: the opening lies on the far side of every grip")
+        raise TaskFailed("unseen: the opening area was found on none of " + ", ".join(work.box.candidate_faces))
 
     def _held_end(self) -> Face:
         """Return the end cap in the right palm."""
@@ -170,12 +174,13 @@ class BoxOpening:
         self._courses = yield from present(self.work, opening, end, motions)
         yield from play(self.work, opening, self._courses[0])
 
-    def _task(self, number: int, motion: Motion) -> Motion:
+    def _task(self, number: int, motion: Generator[None, None, T]) -> Generator[None, None, T]:
         self.work.task = number
         log = self._log()
         log.start_s, log.attempts, log.outcome = self._now_s(), log.attempts + 1, "running"
-        yield from motion
+        result = yield from motion
         log.outcome, log.end_s = "done", self._now_s()
+        return result
 
     def _log(self) -> TaskLog:
         return self.tasks[self.work.task - 1]

@@ -10,7 +10,8 @@ import numpy as np
 from preshape.control.motions import Motion, between, eased, ticks
 from preshape.control.opening_motion import HandWaypoint
 from preshape.control.work import Work
-from preshape.hal.layout import LAYOUT, Side
+from preshape.hal.layout import LAYOUT, Side, finger_slice
+from preshape.hal.sah_hand import FOREFINGERS
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, log_so3
 from preshape.planner.arm_chain import ChainQuery, posture_chain
@@ -19,6 +20,7 @@ TURN_RAD = 0.18
 """Legs that turn the hand by more than this get postures in between, rad."""
 SPEED_SHARE = 0.35
 """Share of the joint speed limits that a leg may use."""
+_FINGERS = np.r_[tuple(finger_slice(finger) for finger in FOREFINGERS)]
 HURRY = 4.0
 """How much faster than usual the arm drifts to the course's postures."""
 
@@ -72,13 +74,15 @@ def follow_course(work: Work, side: Side, X_world_opening: Matrix, course: Cours
         work.phase = waypoint.name
         X_start, X_goal = body.asked_palm(side).copy(), X_world_opening @ waypoint.X_opening_palm
         q_start = body.asked_fingers(side)
+        limit = LAYOUT.torque[LAYOUT.hand(side)].copy()
+        limit[_FINGERS] = np.minimum(limit[_FINGERS], waypoint.finger_torque)
         knots = np.vstack([q_last, postures])
         count = ticks(body, max(waypoint.duration_s, _least_seconds(side, knots)))
         for k in range(1, count + 1):
             u = eased(k / count)
             body.ask_palm(side, between(X_start, X_goal, u))
             body.prefer_posture(side, _at(knots, u), HURRY)
-            body.ask_fingers(side, q_start + u * (waypoint.fingers - q_start))
+            body.ask_fingers(side, q_start + u * (waypoint.fingers - q_start), limit)
             yield
         q_last = postures[-1]
 

@@ -120,7 +120,7 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
         middle_abd=0.0, middle_flex=-0.069, middle_pip=0.07,
         ring_abd=0.26 * out["ring"], ring_flex=-0.069, ring_pip=0.07,
     )  # fmt: skip
-    torques = _joints(thumb_flex=0.95, middle_flex=0.5, fore_abd=-0.42 * out["fore"], ring_abd=-0.42 * out["ring"])
+    torques = _joints(thumb_flex=0.95, middle_flex=0.5, fore_abd=-0.37 * out["fore"], ring_abd=-0.37 * out["ring"])
     curl = _joints(fore_flex=0.5, fore_pip=0.5, ring_flex=0.5, ring_pip=0.5)
     nothing = _joints()
     stages = (

@@ -19,12 +19,17 @@ from preshape.planner.hand_kinematics import hand_kinematics
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandWaypoint:
-    """One leg: where the palm goes, the 13 finger angles (rad), how long it takes."""
+    """One leg: where the palm goes, the 13 finger angles (rad), how long it takes, what the fingers may press with.
+
+    `finger_torque` caps the joints of fore, middle and ring finger, N m: a lid that stands elsewhere than
+    expected is then pressed gently.
+    """
 
     name: str
     X_opening_palm: Matrix
     fingers: Vector
     duration_s: float
+    finger_torque: float = np.inf
 
 
 FIST = (0.0, 1.13, 1.29)
@@ -71,6 +76,8 @@ LEVER_Y = 0.022
 There it presses the lid beside the hole, so that perforation points tear one after another from that end. In
 the middle all of them bear at once, and the force is several times as large.
 """
+PINCH_TORQUE = 0.2
+"""What a finger joint may press the lid with, N m: some 2 N at the tip."""
 HINGE_ROOM = 0.020
 """Half the tab's depth: the lid begins this far from the tab's centre towards the hinge, m."""
 
@@ -114,12 +121,12 @@ def open_motion(
         HandWaypoint("lever", at(-0.028, -0.028, 45.0, LEVER_Y), fist, 1.2),
         HandWaypoint("tear", at(-0.031, -0.020, 53.0, LEVER_Y), fist, 1.0),
         HandWaypoint("raise", at(*rise, LEVER_Y), fist, 1.0),
-        HandWaypoint("hook", at(*rise, LEVER_Y), hook, 0.6),
-        HandWaypoint("pinch", at(*rise, LEVER_Y), pinch, 0.6),
+        HandWaypoint("hook", at(*rise, LEVER_Y), hook, 0.6, PINCH_TORQUE),
+        HandWaypoint("pinch", at(*rise, LEVER_Y), pinch, 0.6, PINCH_TORQUE),
     ]
     X_rise, steps = at(*rise, LEVER_Y), 8
     turned = [_about_hinge(X_rise, hinge_distance, turn * (k + 1) / steps) for k in range(steps)]
-    turns = [HandWaypoint("turn", X, pinch, 0.35) for X in turned]
+    turns = [HandWaypoint("turn", X, pinch, 0.35, PINCH_TORQUE) for X in turned]
     X_end = turned[-1]
     u = X_end[:3, :3] @ hand_kinematics("right").tip_poses(fist)[0][:3, 0]
     leave = [

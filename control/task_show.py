@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 from preshape.control.failure import TaskFailed
 from preshape.control.motions import Motion, wait
 from preshape.control.object_filter import BoxEstimate
@@ -10,6 +12,8 @@ from preshape.control.work import Work
 from preshape.hal.world import Face
 from preshape.planner.air_pose import AirPlace, air_pose
 
+LOOKS = 3
+"""How often an ambiguous image is taken anew."""
 STILL_S = 0.4
 """How long the box rests before an image is taken, s."""
 PRIOR = PosePrior(0.0015, 0.026)
@@ -32,12 +36,16 @@ def look(work: Work) -> Decision:
     return decide(find_opening(work.sight.image(), estimate.X_world_box, work.box, work.library, PRIOR))
 
 
-def find_opening_area(work: Work, faces: tuple[Face, ...], end: Face, place: AirPlace) -> Motion:
-    """Show the candidate faces one after another until the opening is found; keeps it in `work.opening`."""
-    for face in faces:
-        work.phase = f"show {face}"
-        yield from show_face(work, face, end, place)
-        work.phase = f"look at {face}"
+def find_opening_area(work: Work, face: Face, end: Face, place: AirPlace) -> Generator[None, None, bool]:
+    """Show a candidate face and look for the opening on it; keeps it in `work.opening`, returns whether it was found.
+
+    Only the face that this grip turns to the robot is shown: turned the other way round the box would hang on the
+    thumb, and could be opened only after being taken anew.
+    """
+    work.phase = f"show {face}"
+    yield from show_face(work, face, end, place)
+    work.phase = f"look at {face}"
+    for _ in range(LOOKS):
         decision = look(work)
         work.notes.append(f"face {face}: {decision.verdict.value}")
         if decision.verdict is Verdict.FOUND and decision.match is not None:
@@ -45,6 +53,9 @@ def find_opening_area(work: Work, faces: tuple[Face, ...], end: Face, place: Air
             work.opening = decision.match.opening
             work.seen_at = decision.match.X_world_box
             yield
-            return
-        yield
-    raise TaskFailed("unseen: the opening area was found on none of " + ", ".join(faces))
+            return True
+        if decision.verdict is Verdict.NOT_HERE:
+            yield
+            return False
+        yield from wait(work.body, STILL_S)
+    return False
