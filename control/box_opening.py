@@ -24,6 +24,7 @@ from preshape.control.task_grasp import grasp_box, put_back, shown_face
 from preshape.control.task_open import play, present
 from preshape.control.task_regrasp import regrasp
 from preshape.control.task_show import find_opening_area
+from preshape.control.task_stand import stand_up
 from preshape.control.work import Work
 from preshape.hal.layout import SIDES, Side
 from preshape.hal.state import RobotState, Vector
@@ -138,6 +139,7 @@ class BoxOpening:
         Opened as it is, both hands would have straight fingers on the same face, long enough for their tips to meet.
         """
         work = self.work
+        yield from self._task(1, stand_up(work))
         likely: Face | None = None
         unseen: list[Face] = list(work.box.candidate_faces)
         for _ in range(GRASPS):
