@@ -5,6 +5,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
+from preshape.control.grips import Grip
 from preshape.control.straddle_grip import HEIGHTS, WIDTHS, straddle_grip, straddle_pose
 from preshape.control.task_stand import (
     AWAY_M,
@@ -165,7 +166,7 @@ def test_the_hand_draws_back_level_until_its_tips_have_left_the_box() -> None:
 
 
 def test_every_grip_brings_its_own_end_up() -> None:
-    found = [(grip, end) for grip, end in grips(BOX, "-x")]
+    found: list[tuple[Grip, Face]] = list(grips(BOX, "-x"))
     assert len(found) == 4 and {end for _, end in found} == {"+z", "-z"}
     for grip, end in found:
         assert grip.X_box_palm[:3, 3] @ face_normal(end) > 0.0
