@@ -102,11 +102,16 @@ def away(X_world_palm: Matrix, X_world_box: Matrix, up: Face, distance: float) -
     return transform(distance * (X_world_box[:3, :3] @ face_normal(up))) @ X_world_palm
 
 
+def caps(box: NominalBox) -> tuple[Face, ...]:
+    """Return the end caps, the top one first: the box's long axis points from its bottom to its top."""
+    return tuple(face for face in FACES if "xyz".index(face[1]) == box.long_axis)
+
+
 def grips(box: NominalBox, up: Face) -> Iterator[tuple[Grip, Face]]:
     """Yield the grips of a lying box with the end cap that comes up."""
-    caps: list[Face] = [face for face in FACES if "xyz".index(face[1]) == box.long_axis]
-    sides: list[Face] = [face for face in FACES if face[1] not in (up[1], caps[0][1])]
-    for finger_face, end in product(sides, caps):
+    ends = caps(box)
+    sides: list[Face] = [face for face in FACES if face[1] not in (up[1], ends[0][1])]
+    for finger_face, end in product(sides, ends):
         yield straddle_grip(box.size, up, finger_face, end), end
 
 
@@ -151,11 +156,15 @@ def stand_postures(work: Work, taking: Taking, X_stand: Matrix, up: Face) -> Sta
 
 
 def choose_stand(work: Work, X_world_box: Matrix, up: Face) -> Generator[None, None, tuple[Taking, Standing]]:
-    """Return the best way found at the first place that has one; one candidate is looked at in a tick."""
+    """Return the best way at the first place that has one, top up rather than upside down.
+
+    The lid opens to the same side on each face of a box with its top up; upside down it would open towards the
+    other hand. One candidate is looked at in a tick.
+    """
     ways = takings(work, X_world_box, up)
-    for place in PLACES:
+    for top, place in product(caps(work.box), PLACES):
         best: tuple[Taking, Standing] | None = None
-        for taking, yaw in product(ways, YAWS):
+        for taking, yaw in product([way for way in ways if way.end == top], YAWS):
             found = stand_postures(work, taking, standing(work.box, taking.end, up, place, yaw), up)
             if found is not None and (best is None or found.rank > best[1].rank):
                 best = (taking, found)
