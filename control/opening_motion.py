@@ -76,8 +76,10 @@ LEVER_Y = 0.022
 There it presses the lid beside the hole, so that perforation points tear one after another from that end. In
 the middle all of them bear at once, and the force is several times as large.
 """
-PINCH_TORQUE = 0.2
-"""What a finger joint may press the lid with, N m: some 2 N at the tip."""
+PINCH_Y = 0.015
+"""How far towards the holding hand the thumb stands while the lid rests on it and is pinched, m."""
+PINCH_TORQUE = 0.35
+"""What a finger joint may press the lid with, N m: some 3 N at the tip."""
 HINGE_ROOM = 0.020
 """Half the tab's depth: the lid begins this far from the tab's centre towards the hinge, m."""
 
@@ -107,12 +109,13 @@ def open_motion(
     rim and lid are nearly a couple, which the holding hand bears far better than a pull. `hinge_distance` is the
     distance of the hinge from the tab's centre, m. After the pinch the hand turns rigidly with the lid.
     """
-    fist, hook, pinch = thumb_out(), _hook(0.70, 0.60), _hook(0.45, 0.50)
+    fist, curl = thumb_out(), _hook(0.80, FIST[2])
+    hook, pinch = _hook(0.70, 0.60), _hook(0.45, 0.50)
 
     def at(x: float, z: float, roll_deg: float, y: float = TIP_Y) -> Matrix:
         return palm_for_tip(np.array([x, toward * y, z]), TILT, float(np.deg2rad(roll_deg)), toward, fist)
 
-    rise = -HINGE_ROOM, 0.012, 20.0
+    rise = -HINGE_ROOM - 0.006, 0.010, 20.0
     loose = [
         HandWaypoint("above", at(TIP_X, AWAY_M, 0.0), fist, 0.3),
         HandWaypoint("enter", at(TIP_X, 0.02, 0.0), fist, 0.6),
@@ -120,18 +123,20 @@ def open_motion(
         HandWaypoint("lean", at(TIP_X, -DEPTH, 0.0, LEVER_Y), fist, 0.6),
         HandWaypoint("lever", at(-0.028, -0.028, 45.0, LEVER_Y), fist, 1.2),
         HandWaypoint("tear", at(-0.031, -0.020, 53.0, LEVER_Y), fist, 1.0),
-        HandWaypoint("raise", at(*rise, LEVER_Y), fist, 1.0),
-        HandWaypoint("hook", at(*rise, LEVER_Y), hook, 0.6, PINCH_TORQUE),
-        HandWaypoint("pinch", at(*rise, LEVER_Y), pinch, 0.6, PINCH_TORQUE),
+        HandWaypoint("raise", at(*rise, PINCH_Y), fist, 1.0),
+        HandWaypoint("uncurl", at(*rise, PINCH_Y), curl, 0.4),
+        HandWaypoint("hook", at(*rise, PINCH_Y), hook, 0.6, PINCH_TORQUE),
+        HandWaypoint("pinch", at(*rise, PINCH_Y), pinch, 0.6, PINCH_TORQUE),
     ]
-    X_rise, steps = at(*rise, LEVER_Y), 8
+    X_rise, steps = at(*rise, PINCH_Y), 8
     turned = [_about_hinge(X_rise, hinge_distance, turn * (k + 1) / steps) for k in range(steps)]
     turns = [HandWaypoint("turn", X, pinch, 0.35, PINCH_TORQUE) for X in turned]
     X_end = turned[-1]
     u = X_end[:3, :3] @ hand_kinematics("right").tip_poses(fist)[0][:3, 0]
     leave = [
         HandWaypoint("let go", X_end, _hook(0.85, 0.8), 0.5),
-        HandWaypoint("fold", X_end, fist, 0.5),
+        HandWaypoint("curl", X_end, curl, 0.5),
+        HandWaypoint("fold", X_end, fist, 0.4),
         HandWaypoint("withdraw", transform(-0.05 * u) @ X_end, fist, 0.8),
         HandWaypoint("leave", transform(-0.12 * u) @ X_end, fist, 0.8),
     ]
