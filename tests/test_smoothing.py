@@ -142,3 +142,43 @@ def test_targets_and_seeds_of_another_shape_are_the_callers_mistake(bad: np.ndar
 def test_settings_out_of_range_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="allowed is"):
         SmoothConfig(**changes)
+
+
+def test_tracked_joints_follow_a_slowing_target_without_ever_turning_back() -> None:
+    smoother = Smoother()
+    smoother.seed(MIDDLE)
+    tracked = np.ones(LAYOUT.dof, dtype=bool)
+    amplitude = 0.3 * np.minimum(LAYOUT.upper - MIDDLE, 0.5)
+    seconds = 2.0
+    last, worst = MIDDLE, 0.0
+    count = round(seconds / DT)
+    for k in range(1, count + 1):
+        u = k / count
+        goal = MIDDLE + amplitude * u * u * (3.0 - 2.0 * u)
+        ahead = MIDDLE + amplitude * (lambda w: w * w * (3.0 - 2.0 * w))((k - 1) / count)
+        step = smoother.update(goal, (goal - ahead) / DT, tracked)
+        assert (step.position >= last - 2e-5).all()
+        worst = max(worst, float(np.abs(step.position - goal).max()))
+        last = step.position
+    assert worst < 5e-3
+    for _ in range(300):
+        step = smoother.update(MIDDLE + amplitude, np.zeros(LAYOUT.dof), tracked)
+    assert np.allclose(step.position, MIDDLE + amplitude, atol=1e-4)
+
+
+def test_tracked_joints_keep_their_limits_whatever_the_target_does() -> None:
+    rng = np.random.default_rng(3)
+    smoother = Smoother()
+    smoother.seed(MIDDLE)
+    tracked = rng.uniform(size=LAYOUT.dof) < 0.5
+    last = smoother.brake()
+    for tick in range(1500):
+        if tick % 40 == 0:
+            target = rng.uniform(LAYOUT.lower - 0.5, LAYOUT.upper + 0.5)
+            speed = rng.uniform(-3.0, 3.0, LAYOUT.dof)
+        step = smoother.update(target, speed, tracked)
+        assert (step.position >= LAYOUT.lower - 1e-9).all() and (step.position <= LAYOUT.upper + 1e-9).all()
+        assert (np.abs(step.velocity) <= smoother.velocity_limit + 1e-9).all()
+        assert (np.abs(step.acceleration) <= smoother.acceleration_limit + 1e-9).all()
+        last = step
+    assert last.status is not SmoothStatus.FAILED
