@@ -36,6 +36,8 @@ LONGEST_STEP_RAD = 0.7
 """Largest joint change from over the place to it, and from there to the drawn-back hand, rad."""
 GOOD_SCORE = 20.0
 """Score of an arm posture (`arm_reach.score`) that is as good as any."""
+GOOD_RANK = 0.25
+"""Rank of a way of standing the box (score over `GOOD_SCORE`, less half the travel in rad) that ends the search."""
 PLACES = ((0.52, -0.28), (0.50, -0.20), (0.56, -0.34), (0.45, -0.32), (0.58, -0.22))
 """Where the box may be stood, m (x, y in the world), the best first."""
 YAWS = tuple(np.deg2rad(np.arange(-180.0, 180.0, 20.0)).tolist())
@@ -156,19 +158,22 @@ def stand_postures(work: Work, taking: Taking, X_stand: Matrix, up: Face) -> Sta
 
 
 def choose_stand(work: Work, X_world_box: Matrix, up: Face) -> Generator[None, None, tuple[Taking, Standing]]:
-    """Return the best way at the first place that has one, top up rather than upside down.
+    """Return the first good way, place by place, or else the best one; top up rather than upside down.
 
     The lid opens to the same side on each face of a box with its top up; upside down it would open towards the
     other hand. One candidate is looked at in a tick.
     """
     ways = takings(work, X_world_box, up)
-    for top, place in product(caps(work.box), PLACES):
+    for top in caps(work.box):
         best: tuple[Taking, Standing] | None = None
-        for taking, yaw in product([way for way in ways if way.end == top], YAWS):
-            found = stand_postures(work, taking, standing(work.box, taking.end, up, place, yaw), up)
-            if found is not None and (best is None or found.rank > best[1].rank):
-                best = (taking, found)
-            yield
+        for place in PLACES:
+            for taking, yaw in product([way for way in ways if way.end == top], YAWS):
+                found = stand_postures(work, taking, standing(work.box, taking.end, up, place, yaw), up)
+                if found is not None and (best is None or found.rank > best[1].rank):
+                    best = (taking, found)
+                yield
+            if best is not None and best[1].rank >= GOOD_RANK:
+                break
         if best is not None:
             return best
     raise TaskFailed("unreachable: no place to stand the box on an end cap")
