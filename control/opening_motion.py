@@ -115,7 +115,7 @@ def open_motion(
     def at(x: float, z: float, roll_deg: float, y: float = TIP_Y) -> Matrix:
         return palm_for_tip(np.array([x, toward * y, z]), TILT, float(np.deg2rad(roll_deg)), toward, fist)
 
-    rise = -HINGE_ROOM - 0.006, 0.010, 20.0
+    rise = -HINGE_ROOM - 0.003, 0.012, 20.0
     loose = [
         HandWaypoint("above", at(TIP_X, AWAY_M, 0.0), fist, 0.3),
         HandWaypoint("enter", at(TIP_X, 0.02, 0.0), fist, 0.6),
@@ -124,7 +124,6 @@ def open_motion(
         HandWaypoint("lever", at(-0.028, -0.028, 45.0, LEVER_Y), fist, 1.2),
         HandWaypoint("tear", at(-0.031, -0.020, 53.0, LEVER_Y), fist, 1.0),
         HandWaypoint("raise", at(*rise, PINCH_Y), fist, 1.0),
-        HandWaypoint("uncurl", at(*rise, PINCH_Y), curl, 0.4),
         HandWaypoint("hook", at(*rise, PINCH_Y), hook, 0.6, PINCH_TORQUE),
         HandWaypoint("pinch", at(*rise, PINCH_Y), pinch, 0.6, PINCH_TORQUE),
     ]
