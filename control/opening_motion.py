@@ -78,8 +78,8 @@ the middle all of them bear at once, and the force is several times as large.
 """
 PINCH_Y = 0.015
 """How far towards the holding hand the thumb stands while the lid rests on it and is pinched, m."""
-PINCH_TORQUE = 0.35
-"""What a finger joint may press the lid with, N m: some 3 N at the tip."""
+PINCH_TORQUE = 0.25
+"""What a finger joint may press the lid with, N m: some 2 N at the tip."""
 HINGE_ROOM = 0.020
 """Half the tab's depth: the lid begins this far from the tab's centre towards the hinge, m."""
 
