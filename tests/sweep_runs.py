@@ -2,12 +2,21 @@
 
 import os
 
-from preshape.tools.sweep_run import THREAD_VARIABLES, RunCase, RunOutcome
+from preshape.tools.sweep_run import THREAD_VARIABLES, Figures, RunCase, RunOutcome
 
 RAISES, DIES = 3, 5
 
 
-def run_outcome(seed: int, task: int | None = None, cause: str | None = None, name: str = "one") -> RunOutcome:
+def figures(slip_mm: float) -> Figures:
+    """Return figures of a run in which the box slid so far."""
+    return Figures(
+        hold_slip_mm=slip_mm, regrasp_motion_mm=1.0, max_torque_ratio=0.9, torn_fraction=1.0, lid_angle_deg=100.0
+    )
+
+
+def run_outcome(
+    seed: int, task: int | None = None, cause: str | None = None, name: str = "one", slip_mm: float | None = None
+) -> RunOutcome:
     done = 5 if cause is None else (task or 1) - 1
     return RunOutcome(
         scenario=name,
@@ -18,6 +27,7 @@ def run_outcome(seed: int, task: int | None = None, cause: str | None = None, na
         cause=cause,
         tasks_done=tuple(number < done for number in range(5)),
         simulated_s=10.0 + seed,
+        figures=None if slip_mm is None else figures(slip_mm),
     )
 
 

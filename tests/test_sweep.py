@@ -110,6 +110,14 @@ def test_every_failure_is_in_exactly_one_cause_and_frequent_ones_come_first() ->
     assert causes[0].example == "task 4: slipped: a"
 
 
+def test_figures_are_over_the_runs_that_reported_them() -> None:
+    (summary,) = summarise([run_outcome(0, slip_mm=1.0), run_outcome(1, slip_mm=4.0), run_outcome(2, 1, "crashed: x")])
+    slip = next(spread for spread in summary.figures if spread.name == "hold_slip_mm")
+    assert (slip.least, slip.median, slip.most) == (1.0, 2.5, 4.0)
+    (silent,) = summarise([run_outcome(0, 1, "crashed: x")])
+    assert silent.figures == ()
+
+
 def test_scenarios_are_counted_apart() -> None:
     outcomes = [run_outcome(0, name="b"), run_outcome(0, name="a"), run_outcome(1, 1, "x", name="b")]
     assert [(summary.scenario, str(summary.success.count)) for summary in summarise(outcomes)] == [

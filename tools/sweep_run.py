@@ -27,12 +27,23 @@ THREAD_VARIABLES = (
 """What tells the numerical libraries how many threads to start."""
 
 
+class Figures(msgspec.Struct, frozen=True, kw_only=True):
+    """How near a run came to what the referee allows; see `report.json`'s referee."""
+
+    hold_slip_mm: float
+    regrasp_motion_mm: float
+    max_torque_ratio: float
+    torn_fraction: float
+    lid_angle_deg: float
+
+
 class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What a sweep keeps of one run.
 
     `tasks_done`: for each of the five tasks whether the referee confirms it. `failed_task` is None for a
     success and for a failure outside of any task (an exception, a crashed process); the words of `cause`
-    before its first colon are its class. `simulated_s` and `wall_s` are 0 where the run did not report.
+    before its first colon are its class. `simulated_s` and `wall_s` are 0, and `figures` None, where the run did
+    not report.
     """
 
     scenario: str
@@ -47,6 +58,7 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     wall_s: float = 0.0
     overruns: int = 0
     commands_sha256: str = ""
+    figures: Figures | None = None
 
     @property
     def cause_class(self) -> str:
@@ -88,6 +100,7 @@ def run_case(case: RunCase) -> RunOutcome:
         simulated_s=report.sim.seconds,
         overruns=report.loop.overruns,
         commands_sha256=report.commands_sha256,
+        figures=Figures(**{name: getattr(report.referee, name) for name in Figures.__struct_fields__}),
     )
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import msgspec
+import numpy as np
 
-from preshape.tools.sweep_run import RunOutcome
+from preshape.tools.sweep_run import Figures, RunOutcome
 from preshape.tools.wilson import Interval, wilson
 
 
@@ -37,16 +38,27 @@ class Cause(msgspec.Struct, frozen=True):
     example: str
 
 
+class Spread(msgspec.Struct, frozen=True):
+    """One of the referee's figures over all runs that reported it."""
+
+    name: str
+    least: float
+    median: float
+    most: float
+
+
 class Summary(msgspec.Struct, frozen=True):
     """One scenario of a sweep.
 
-    `tasks` (5): the share of all runs in which the referee confirms each task.
+    `tasks` (5): the share of all runs in which the referee confirms each task. `figures`: how near the runs, failed
+    ones among them, came to what the referee allows.
     """
 
     scenario: str
     success: Share
     tasks: tuple[Share, ...]
     causes: tuple[Cause, ...]
+    figures: tuple[Spread, ...]
     mean_simulated_s: float
     mean_wall_s: float
 
@@ -63,6 +75,7 @@ def _scenario(name: str, outcomes: Sequence[RunOutcome]) -> Summary:
         Share.count_of([outcome.success for outcome in outcomes]),
         tuple(Share.count_of(list(done)) for done in zip(*(outcome.tasks_done for outcome in outcomes), strict=True)),
         causes_of(outcomes),
+        figures_of(outcomes),
         sum(outcome.simulated_s for outcome in outcomes) / len(outcomes),
         sum(outcome.wall_s for outcome in outcomes) / len(outcomes),
     )
@@ -79,3 +92,12 @@ def causes_of(outcomes: Sequence[RunOutcome]) -> tuple[Cause, ...]:
         Cause(task or None, cause, tuple(outcome.seed for outcome in group), group[0].failure or "")
         for (task, cause), group in ordered
     )
+
+
+def figures_of(outcomes: Sequence[RunOutcome]) -> tuple[Spread, ...]:
+    """Return least, median and largest value of each of the referee's figures; nothing if no run reported any."""
+    kept = [outcome.figures for outcome in outcomes if outcome.figures is not None]
+    if not kept:
+        return ()
+    columns = ((name, [getattr(figures, name) for figures in kept]) for name in Figures.__struct_fields__)
+    return tuple(Spread(name, min(values), float(np.median(values)), max(values)) for name, values in columns)

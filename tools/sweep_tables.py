@@ -72,6 +72,8 @@ def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome]) ->
         console.print(_tasks(summary))
         if summary.causes:
             console.print(_causes(summary))
+        if summary.figures:
+            console.print(_figures(summary))
         console.print(
             f"mean of a run: {summary.mean_simulated_s:.1f} s simulated, {summary.mean_wall_s:.1f} s of real time",
             highlight=False,
@@ -97,4 +99,13 @@ def _causes(summary: Summary) -> Table:
     for cause in summary.causes:
         task = "-" if cause.task is None else f"{cause.task} {TASK_NAMES[cause.task]}"
         table.add_row(task, cause.cause, str(len(cause.seeds)), " ".join(map(str, cause.seeds)))
+    return table
+
+
+def _figures(summary: Summary) -> Table:
+    table = Table(title="the referee's figures over all runs", title_justify="left")
+    for column in ("figure", "least", "median", "most"):
+        table.add_column(column)
+    for spread in summary.figures:
+        table.add_row(spread.name, *(f"{value:.2f}" for value in (spread.least, spread.median, spread.most)))
     return table
