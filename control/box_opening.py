@@ -46,6 +46,8 @@ from preshape.planner.air_pose import AirPlace, upper_face
 T = TypeVar("T")
 GRASPS = 2
 """How often the box is taken from the table until its opening faces the robot."""
+REST_S = 0.8
+"""How long everything rests after the last task, s."""
 TASK_NAMES = ("grasp", "find opening", "regrasp", "crush", "open")
 
 
@@ -74,8 +76,11 @@ class BoxOpening:
         options: FieldOptions | None = None,
         report_opening: Callable[[Opening, Matrix], None] = lambda opening, X: None,
         carry: CarryOptions | None = None,
+        until_task: int = len(TASK_NAMES),
     ) -> None:
-        """Build everything; nothing moves before `step`."""
+        """Build everything; nothing moves before `step`. The run ends after task `until_task`."""
+        if not 1 <= until_task <= len(TASK_NAMES):
+            raise ValueError(f"until_task: got {until_task}, allowed is 1 .. {len(TASK_NAMES)}")
         body = Body(cell, period_s)
         sight = Sight(perception, body)
         hands: dict[Side, Hand] = {side: Hand(side, body) for side in SIDES}
@@ -83,6 +88,9 @@ class BoxOpening:
         self.guide = FieldGuide(body, sight, box, options or FieldOptions())
         self.tasks = [TaskLog(number + 1, name) for number, name in enumerate(TASK_NAMES)]
         self.failure: str | None = None
+        self._until_task = until_task
+        for log in self.tasks[until_task:]:
+            log.outcome = "not asked"
         self._report_opening = report_opening
         self._place = AirPlace()
         self._courses: tuple[Course, ...] = ()
@@ -117,21 +125,30 @@ class BoxOpening:
     def _run(self) -> Motion:
         """Run the tasks in order; a failed grasp or look is tried again while the box can be reached."""
         try:
-            yield from self._take_and_find()
-            opening = self.work.opening
-            assert opening is not None
-            end = self._held_end()
-            yield from self._task(3, regrasp(self.work, self.guide, end))
-            toward = self._toward(opening)
-            depth = float(np.abs(face_normal(opening.edge)) @ self.work.box.size)
-            motions = (push_motion(toward), open_motion(toward, depth - self.work.box.tab_size[1] / 2))
-            yield from self._task(4, self._crush(opening, end, motions))
-            yield from self._task(5, play(self.work, opening, self._courses[1]))
-            yield from wait(self.work.body, 0.8)
+            yield from self._tasks()
+            yield from wait(self.work.body, REST_S)
         except TaskFailed as failed:
             self.failure = f"task {self.work.task} ({TASK_NAMES[self.work.task - 1]}): {failed.cause}"
             self._log().outcome = failed.cause.split(":")[0]
             self._log().end_s = self._now_s()
+
+    def _tasks(self) -> Motion:
+        """Run the tasks up to the last one asked for."""
+        yield from self._take_and_find()
+        if self._until_task < 3:
+            return
+        opening = self.work.opening
+        assert opening is not None
+        end = self._held_end()
+        yield from self._task(3, regrasp(self.work, self.guide, end))
+        if self._until_task < 4:
+            return
+        toward = self._toward(opening)
+        depth = float(np.abs(face_normal(opening.edge)) @ self.work.box.size)
+        motions = (push_motion(toward), open_motion(toward, depth - self.work.box.tab_size[1] / 2))
+        yield from self._task(4, self._crush(opening, end, motions))
+        if self._until_task == 5:
+            yield from self._task(5, play(self.work, opening, self._courses[1]))
 
     def _take_and_find(self) -> Motion:
         """Take the box and look for its opening; if it is not on the face shown, take it anew the other way round.
@@ -144,6 +161,8 @@ class BoxOpening:
         unseen: list[Face] = list(work.box.candidate_faces)
         for _ in range(GRASPS):
             yield from self._task(1, grasp_box(work, self.guide, likely, self._place))
+            if self._until_task == 1:
+                return
             face = shown_face(work.grips["right"])
             found = yield from self._task(2, find_opening_area(work, face, self._held_end(), self._place))
             if found and work.opening is not None and work.seen_at is not None:

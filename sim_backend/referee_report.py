@@ -46,6 +46,7 @@ class Verdict:
         tab_angle_deg, lid_angle_deg: at the end; `max_` the largest.
         opening_error: of the reported opening, (m, rad), None before a report.
         events: truth time of each event.
+        until_task: the last task that was asked for; what comes after it counts for nothing.
     """
 
     undesired_contacts: tuple[Contact, ...]
@@ -70,25 +71,35 @@ class Verdict:
     opening_error: tuple[float, float] | None
     tasks: tuple[TaskTruth, ...]
     events: Mapping[str, float] = field(default_factory=dict)
+    until_task: int = len(TASK_NAMES)
+
+    @property
+    def undone(self) -> tuple[TaskTruth, ...]:
+        """The tasks asked for that have not been done."""
+        return tuple(task for task in self.tasks if not task.done and task.task <= self.until_task)
 
     @property
     def failures(self) -> tuple[str, ...]:
         """Name everything that keeps this from being a success; empty if it is one."""
         checks = {
-            **{f"task {task.task} ({task.name}) not done": not task.done for task in self.tasks},
+            **{f"task {task.task} ({task.name}) not done": True for task in self.undone},
             "undesired contact": bool(self.undesired_contacts),
             "dropped": self.dropped,
             "crushed": self.crushed,
             f"torque above {TORQUE_RATIO_ALLOWED} x limit": self.max_torque_ratio > TORQUE_RATIO_ALLOWED,
             "commanded torque above limit": self.max_commanded_ratio > COMMANDED_RATIO_ALLOWED,
             f"slip above {SLIP_ALLOWED_MM:g} mm": self.hold_slip_mm > SLIP_ALLOWED_MM,
-            f"torn fraction below {TORN_FRACTION_NEEDED}": self.torn_fraction < TORN_FRACTION_NEEDED,
+            f"torn fraction below {TORN_FRACTION_NEEDED}": self._torn_too_little,
         }
         return tuple(name for name, failed in checks.items() if failed)
 
     @property
+    def _torn_too_little(self) -> bool:
+        return self.until_task == len(TASK_NAMES) and self.torn_fraction < TORN_FRACTION_NEEDED
+
+    @property
     def success(self) -> bool:
-        """Whether the box was opened as DESIGN.md asks."""
+        """Whether the tasks asked for, by default all five, were done as DESIGN.md asks."""
         return not self.failures
 
     def as_dict(self) -> dict[str, object]:

@@ -64,6 +64,7 @@ def test_a_bad_scenario_is_refused_with_one_line_and_no_files(
         (("--set", "box.friction=9"), "box.friction: got 9"),
         (("--seed", "-1"), "--seed: got -1, allowed is >= 0"),
         (("--time-limit-s", "0"), "--time-limit-s: got 0"),
+        (("--until-task", "6"), "--until-task: got 6, allowed is 1 .. 5"),
         (("--device", "hydraulics"), "--device"),
         (("--norm", "l3"), "--norm"),
         (("--seed", "one"), "--seed"),

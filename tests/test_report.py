@@ -211,6 +211,19 @@ def test_the_earliest_thing_against_a_run_is_its_cause() -> None:
     assert slipped is not None and slipped.cause == "slip above 5 mm" and slipped.also == ()
 
 
+def test_a_run_until_a_task_is_judged_on_the_tasks_up_to_it() -> None:
+    undone = (*VERDICT.tasks[:3], *(replace(task, done=False, end_s=None) for task in VERDICT.tasks[3:]))
+    whole = replace(VERDICT, tasks=undone, torn_fraction=0.0)
+    assert whole.failures == ("task 4 (task) not done", "task 5 (task) not done", "torn fraction below 0.9")
+    for last in (1, 2, 3):
+        assert replace(whole, until_task=last).success
+    assert replace(whole, until_task=4).failures == ("task 4 (task) not done",)
+    dropped = replace(whole, until_task=3, dropped=True, events={"dropped": 3.5})
+    failure = name_failure(dropped, ended(LoopOutcome.FINISHED, "done"), 3, None, None)
+    assert failure is not None and failure.cause == "dropped: at 3.50 s"
+    assert failure.also == (), "and not what was not asked for"
+
+
 def test_the_page_names_the_cause_before_anything_else_and_needs_no_other_file(result: RunResult) -> None:
     assert result.evidence is not None and result.evidence.recording is not None
     recording = result.evidence.recording

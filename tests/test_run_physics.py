@@ -71,3 +71,11 @@ def test_ctrl_c_stops_a_paced_run_with_all_its_processes_and_leaves_a_report(tmp
     report = decode_report((tmp_path / "report.json").read_bytes())
     assert report.loop.outcome == "stopped"
     assert "interrupted from the keyboard" in report.loop.reason
+
+
+def test_a_run_until_the_grasp_ends_with_it_and_says_so() -> None:
+    report = run_session(load_scenario("tea_box"), 0, RunOptions(until_task=1, record=False, pictures=False)).report
+    assert report.success and report.referee.until_task == 1
+    assert report.done == "task 1 is done"
+    assert [task.outcome for task in report.tasks] == ["done", *["not asked"] * 4]
+    assert report.sim.seconds < 30.0

@@ -63,5 +63,5 @@ def summary(report: Report) -> str:
     """Return the outcome in one or two lines."""
     how_long = f"{report.sim.seconds:.1f} s simulated, {report.sim.realtime_factor:.2f} x real time"
     if report.success:
-        return f"success: the box is open ({how_long})"
+        return f"success: {report.done} ({how_long})"
     return f"failed: {report.failure}\n({how_long})"

@@ -79,7 +79,7 @@ def execute(options: Options) -> int:
         outcomes = sweep(cases, run_case, options.backend, jobs, take)
     write(options, outcomes)
     summaries = summarise(outcomes)
-    print_sweep(summaries, outcomes)
+    print_sweep(summaries, outcomes, options.until_task)
     enough = all(summary.success.count >= options.at_least for summary in summaries)
     return ExitCode.DONE if enough else ExitCode.TASK_FAILED
 

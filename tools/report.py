@@ -73,6 +73,7 @@ class RefereeReport(Part, frozen=True):
     opening_error: tuple[float, float] | None
     tasks: list[TaskTruth]
     events: dict[str, float]
+    until_task: int
 
 
 class Spread(Part, frozen=True):
@@ -137,6 +138,14 @@ class Report(Part, frozen=True):
     controller_failure: str | None
     notes: list[str]
     observer_failures: list[str]
+
+    @property
+    def done(self) -> str:
+        """What a success has brought about, in words."""
+        last = self.referee.until_task
+        if last == len(self.tasks):
+            return "the box is open"
+        return "task 1 is done" if last == 1 else f"tasks 1 to {last} are done"
 
 
 def referee_report(verdict: Verdict) -> RefereeReport:

@@ -73,7 +73,7 @@ def _section(title: str, content: str) -> str:
 def _outcome(report: Report) -> str:
     seconds = f"{report.sim.seconds:.1f} s simulated, {report.sim.realtime_factor:.2f} x real time"
     if report.success:
-        return f'<div class="outcome done"><strong>The box is open.</strong><br>{seconds}</div>'
+        return f'<div class="outcome done"><strong>{report.done.capitalize()}.</strong><br>{seconds}</div>'
     lines = [f"<strong>{escape(report.failure or 'failed')}</strong>"]
     if report.loop.outcome != "finished":
         lines.append(escape(f"loop: {report.loop.outcome}, {report.loop.reason}"))
@@ -109,7 +109,7 @@ def _tasks(report: Report) -> str:
         end_s = truth[task.task].end_s
         seen = "not done" if end_s is None else f"done at {end_s:.2f} s"
         times = f"{task.start_s:.2f} .. {task.end_s:.2f} s" if task.attempts else ""
-        outcome = task.outcome if task.outcome == "done" else Bad(task.outcome)
+        outcome = task.outcome if task.outcome in ("done", "not asked") else Bad(task.outcome)
         rows.append([task.task, task.name, outcome, times, task.attempts, seen])
     return _table(["task", "", "controller", "time", "attempts", "referee"], rows)
 

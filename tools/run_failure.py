@@ -54,7 +54,7 @@ def name_failure(
 
 def _beyond_undone(verdict: Verdict) -> tuple[str, ...]:
     """Return the referee's objections that do not follow from a task not being done."""
-    all_done = all(task.done for task in verdict.tasks)
+    all_done = not verdict.undone
     return tuple(name for name in verdict.failures if all_done or not name.startswith(("task ", "torn fraction ")))
 
 
@@ -68,10 +68,9 @@ def _first_seen(verdict: Verdict) -> tuple[int, str]:
     if seen:
         time_s, cause = min(seen)
         return _task_at(verdict, time_s), cause
-    undone = [task for task in verdict.tasks if not task.done]
-    if undone:
-        return undone[0].task, "not done: the referee does not see its end"
-    return len(TASK_NAMES), verdict.failures[0]
+    if verdict.undone:
+        return verdict.undone[0].task, "not done: the referee does not see its end"
+    return verdict.until_task, verdict.failures[0]
 
 
 def _named(verdict: Verdict) -> list[str]:

@@ -14,6 +14,8 @@ NormName = Literal["l1", "l2"]
 
 MOST_CARRY_SPEED, MOST_CARRY_TURN_DEG = 0.2, 57.0
 """Largest speeds of a box that moves while it is passed on, m/s and deg/s."""
+TASKS = 5
+"""Tasks of the procedure."""
 LONGEST_S = 3600.0
 """Longest time limit, s."""
 
@@ -31,6 +33,7 @@ class RunOptions:
         carry_speed: speed at which the right hand moves the box to and fro while the left hand comes, m/s.
         carry_turn_deg: speed at which it turns the box meanwhile, deg/s.
         feed_forward: feed that motion forward to the left hand; without it the hand only follows what it sees.
+        until_task: the last task carried out; success is then judged on the tasks up to it.
         time_limit_s: simulated time after which the run ends, s.
         record: keep what recording.rrd and the plots need.
         pictures: keep what the storyboard needs.
@@ -47,6 +50,7 @@ class RunOptions:
     carry_speed: float = 0.0
     carry_turn_deg: float = 0.0
     feed_forward: bool = True
+    until_task: int = TASKS
     time_limit_s: float = 180.0
     record: bool = True
     pictures: bool = True
@@ -58,5 +62,7 @@ class RunOptions:
         ):
             if not 0.0 <= value <= most:
                 raise ConfigurationError(f"{flag}: got {value:g}, allowed is 0 .. {most:g}")
+        if not 1 <= self.until_task <= TASKS:
+            raise ConfigurationError(f"--until-task: got {self.until_task}, allowed is 1 .. {TASKS}")
         if not 0.0 < self.time_limit_s <= LONGEST_S:
             raise ConfigurationError(f"--time-limit-s: got {self.time_limit_s:g}, allowed is > 0 and <= {LONGEST_S:g}")

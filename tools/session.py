@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import FrameType
 
 import numpy as np
@@ -87,7 +87,8 @@ def run_session(
             if options.pictures:
                 watching.add(evidence.keep_pictures(world.scene_positions))
             _run(course, world.clock, options.paced)
-        ended = world.finish()
+        finished = world.finish()
+    ended = replace(finished, verdict=replace(finished.verdict, until_task=options.until_task))
     work = course.controller.work
     plan = plan_run(work.box, work.opening, work.grips)
     report = run_report(drawn, options, course, ended, plan, watching)
@@ -112,6 +113,7 @@ def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpe
             turn_speed=float(np.deg2rad(options.carry_turn_deg)),
             feed_forward=options.feed_forward,
         ),
+        options.until_task,
     )
 
 

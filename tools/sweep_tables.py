@@ -62,14 +62,15 @@ class Progress:
         )
 
 
-def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome]) -> None:
-    """Print success, tasks and causes per scenario, then every failure by its seed."""
+def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome], until_task: int) -> None:
+    """Print success, tasks asked for and causes per scenario, then every failure by its seed."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=WIDTH)
     for summary in summaries:
-        console.print(f"\n[bold]{summary.scenario}[/bold]: success {summary.success}", highlight=False)
-        console.print(_tasks(summary))
+        until = "" if until_task == len(TASK_NAMES) else f" (until task {until_task})"
+        console.print(f"\n[bold]{summary.scenario}[/bold]: success {summary.success}{until}", highlight=False)
+        console.print(_tasks(summary, until_task))
         if summary.causes:
             console.print(_causes(summary))
         if summary.figures:
@@ -83,11 +84,11 @@ def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome]) ->
             console.print(f"{outcome.scenario} seed {outcome.seed}: {outcome.failure}", highlight=False, markup=False)
 
 
-def _tasks(summary: Summary) -> Table:
+def _tasks(summary: Summary, until_task: int) -> Table:
     table = Table(title="tasks confirmed by the referee (95 % interval)", title_justify="left")
     for column in ("task", "name", "done"):
         table.add_column(column)
-    for number, share in enumerate(summary.tasks, start=1):
+    for number, share in enumerate(summary.tasks[:until_task], start=1):
         table.add_row(str(number), TASK_NAMES[number], str(share))
     return table
 
