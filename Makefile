@@ -7,7 +7,9 @@ BIN := .venv/bin
 run: .venv/ready
 	$(BIN)/preshape run --scenario sim_backend/scenarios/tea_box.toml --seed 0
 
+# The bus tests run on a real vcan: in a guest (user-mode Linux) where this kernel has none, watched by candump.
 test: .venv/ready
+	.ci/packages linux.uml=user-mode-linux insmod=kmod ip=iproute2 candump=can-utils
 	$(BIN)/pytest -q
 
 fast: .venv/ready

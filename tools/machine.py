@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import resource
-import socket
 import time
 from importlib import metadata
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from preshape.hal.kernel_cache import cache_root
+from preshape.tools.vcan_host import kernel_has_can
 
 _CALM_S = 0.3
 _NAP_S = 0.002
@@ -42,7 +42,9 @@ def machine() -> dict[str, str]:
         "memory": f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30:.1f} GiB",
         "real-time priority": _real_time(),
         "sleep lateness": "p50 {:.0f} us, p99 {:.0f} us".format(*sleep_lateness_us()),
-        "CAN sockets": "yes" if _has_can() else "none in this kernel: use virtual or udp_multicast buses",
+        "CAN sockets": "yes"
+        if kernel_has_can()
+        else "none in this kernel: use virtual, udp_multicast, or a guest (with_vcan)",
         "kernel cache": _kernel_cache(),
     }
 
@@ -61,14 +63,6 @@ def _real_time() -> str:
         return "allowed (root)"
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     return f"allowed up to {limit}" if limit else "not allowed: raise rtprio in /etc/security/limits.conf"
-
-
-def _has_can() -> bool:
-    try:
-        with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW):
-            return True
-    except (AttributeError, OSError):
-        return False
 
 
 def _kernel_cache() -> str:
