@@ -7,18 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from preshape.control.aim import grasp_aim
 from preshape.control.body import Body
 from preshape.control.carrier import Carrier
 from preshape.control.contact_policy import Phase, Settling, apply_policy
 from preshape.control.failure import TaskFailed
 from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
 from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
+from preshape.control.groups import GROUPS
 from preshape.control.motions import Motion, between, eased, ticks
 from preshape.control.obstacles import Kind, Obstacles
 from preshape.control.potentials import pose_error
 from preshape.control.sight import Sight
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
+from preshape.hal.tick_record import TickRecord, note_field
 from preshape.hal.transform import Matrix, exp_so3, inverse, transform
 from preshape.hal.world import NominalBox, OrientedBox
 
@@ -43,6 +46,10 @@ class ApproachLimits:
     near_rad: float = 0.10
 
 
+READ_AGE_NS = 50_000_000
+"""Age from which a reading of the field is no longer shown, ns."""
+
+
 class FieldGuide:
     """The field of both hands over everything known, kept up to date tick by tick."""
 
@@ -54,8 +61,12 @@ class FieldGuide:
         for static in body.cell.statics:
             self.obstacles.add(static.name, Kind.ENVIRONMENT, [static])
         self.field = Field(body.links, self.obstacles, options)
+        self.box = box
         self._known: set[str] = set()
-        self.distances: Matrix = np.full((len(SIDES), 3), np.nan)
+        self._read_ns = -(2**62)
+        groups = (len(SIDES), len(GROUPS))
+        self._distance, self._point = np.full(groups, np.nan), np.full((*groups, 3), np.nan)
+        self._force = np.full((*groups, 3), np.nan)
 
     def refresh(self) -> bool:
         """Place the box and all obstacles where they are seen; return whether a new obstacle has appeared."""
@@ -72,9 +83,21 @@ class FieldGuide:
         return new
 
     def read(self) -> None:
-        """Keep each group's least distance of the last evaluation for telemetry."""
-        for number, side in enumerate(SIDES):
-            self.distances[number] = [reading.distance for reading in self.field.readings(side)]
+        """Keep the last evaluation's distance, reciprocal point and force of each group for telemetry."""
+        self._read_ns = self._body.now_ns
+        for hand, side in enumerate(SIDES):
+            for number, reading in enumerate(self.field.readings(side)):
+                near = np.isfinite(reading.distance)
+                self._distance[hand, number] = reading.distance if near else np.nan
+                self._point[hand, number] = reading.point if near else np.nan
+                self._force[hand, number] = reading.force
+
+    def note(self, record: TickRecord) -> None:
+        """Write what was read last into a record; NaN when the field has not been read for a while."""
+        if self._body.now_ns - self._read_ns <= READ_AGE_NS:
+            note_field(record, self._distance, self._point, self._force)
+        else:
+            note_field(record, np.nan, np.nan, np.nan)
 
 
 def approach(
@@ -95,6 +118,7 @@ def approach(
     """
     limits = limits or ApproachLimits()
     settling = Settling(limits.settle_inner_m, limits.settle_outer_m)
+    body.aims[side] = grasp_aim(side, X_box_palm, preshape, guide.box)
     phase, clearance, goal_box = Phase.APPROACH, None, np.full((4, 4), np.inf)
     best, best_tick, jumps = np.inf, 0, -1
     X_asked = body.asked_palm(side).copy()
@@ -166,6 +190,7 @@ def insert(
     distance = float(np.linalg.norm(X_box_palm[:3, 3] - X_box_start[:3, 3]))
     count = ticks(body, max(15.0 / 8.0 * distance / speed, 0.3))
     hand = LAYOUT.hand(side)
+    body.aims[side] = grasp_aim(side, X_box_palm, preshape, guide.box)
     clearance: Matrix | None = None
     for k in range(1, count + 1):
         guide.refresh()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from preshape.control.aim import Aim
 from preshape.control.controller import Setpoint
 from preshape.control.ik import ArmIk
 from preshape.control.link_boxes import LinkBoxes
@@ -24,7 +25,10 @@ _TRACKED = np.isin(np.arange(LAYOUT.dof), _ARMS)
 
 
 class Body:
-    """Both arms and hands: measurements in, requests kept until changed, one setpoint a tick out."""
+    """Both arms and hands: measurements in, requests kept until changed, one setpoint a tick out.
+
+    `aims` says what a hand is on its way to, for those who watch; nothing here depends on it.
+    """
 
     def __init__(self, cell: Workcell, period_s: float) -> None:
         """Build IK, smoothing and kinematics for a workcell and the loop's period."""
@@ -38,6 +42,7 @@ class Body:
         self._palm_goal: dict[Side, Matrix | None] = {side: None for side in SIDES}
         self._posture = np.zeros(len(_ARMS))
         self._started = False
+        self.aims: dict[Side, Aim] = {}
         self.now_ns = 0
         self.age_ns: Vector = np.zeros(LAYOUT.dof)
         self.position: Vector = np.zeros(LAYOUT.dof)

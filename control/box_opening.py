@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from preshape.control.aim import note_aims
 from preshape.control.approach import FieldGuide
 from preshape.control.body import Body
 from preshape.control.carrier import CarryOptions
@@ -104,6 +105,8 @@ class BoxOpening:
         work.sight.update(now_ns)
         for side in SIDES:
             work.hands[side].update()
+        if work.sight.held_by is not None:
+            work.body.aims.pop(work.sight.held_by, None)
         if not self._finished:
             try:
                 next(self._procedure)
@@ -118,9 +121,11 @@ class BoxOpening:
 
     def note(self, record: TickRecord) -> None:
         """Write what the controller is doing into the record."""
-        estimate = self.work.sight.estimate
+        work, estimate = self.work, self.work.sight.estimate
         sample = None if estimate is None else PoseSample(estimate.stamp_ns, estimate.X_world_box)
-        note_progress(record, self.work.task, self.work.phase, "", self.guide.distances, sample)
+        note_progress(record, work.task, work.phase, "", sample)
+        self.guide.note(record)
+        note_aims(record, work.body.aims, None if sample is None else sample.X_world_box)
 
     def _run(self) -> Motion:
         """Run the tasks in order; a failed grasp or look is tried again while the box can be reached."""

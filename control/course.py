@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from preshape.control.aim import Aim, tips_of
 from preshape.control.motions import Motion, between, eased, ticks
 from preshape.control.opening_motion import HandWaypoint
 from preshape.control.work import Work
 from preshape.hal.layout import LAYOUT, Side, finger_slice
 from preshape.hal.sah_hand import FOREFINGERS
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, log_so3
+from preshape.hal.transform import Matrix, inverse, log_so3
 from preshape.planner.arm_chain import ChainQuery, posture_chain
 
 TURN_RAD = 0.18
@@ -73,6 +74,7 @@ def follow_course(work: Work, side: Side, X_world_opening: Matrix, course: Cours
     for waypoint, postures in zip(course.waypoints, course.legs, strict=True):
         work.phase = waypoint.name
         X_start, X_goal = body.asked_palm(side).copy(), X_world_opening @ waypoint.X_opening_palm
+        body.aims[side] = Aim(tips_of(side, inverse(work.sight.X_world_box) @ X_goal, waypoint.fingers))
         q_start = body.asked_fingers(side)
         limit = LAYOUT.torque[LAYOUT.hand(side)].copy()
         limit[_FINGERS] = np.minimum(limit[_FINGERS], waypoint.finger_torque)
@@ -85,6 +87,7 @@ def follow_course(work: Work, side: Side, X_world_opening: Matrix, course: Cours
             body.ask_fingers(side, q_start + u * (waypoint.fingers - q_start), limit)
             yield
         q_last = postures[-1]
+    del body.aims[side]
 
 
 def _least_seconds(side: Side, knots: Matrix) -> float:

@@ -20,7 +20,7 @@ from preshape.hal.device import Device
 from preshape.hal.gate import SafetyGate
 from preshape.hal.gate_config import GateVerdict
 from preshape.hal.state import DeviceStatus, Mode, RobotCommand, RobotState
-from preshape.hal.tick_record import as_bytes, new_record, note_command, note_state, note_timing
+from preshape.hal.tick_record import as_bytes, new_record, note_command, note_state, note_stop, note_timing
 
 
 def next_deadline(deadline_ns: int, now_ns: int, period_ns: int) -> int:
@@ -58,12 +58,12 @@ class ControlLoop:
         self._hash = hashlib.sha256()
         self._ticks = self._written = self._refused = self._refused_in_a_row = 0
         self._since_ns = self._sequence = 0
-        self._stop_reason = self._reason = ""
+        self._asked = self._stop_reason = self._reason = ""
         self._outcome = LoopOutcome.SAFETY_STOP
 
     def request_stop(self, reason: str) -> None:
         """Ask for a braked stop, from any thread or signal handler; the first reason stays."""
-        self._stop_reason = self._stop_reason or reason or "no reason given"
+        self._asked = self._asked or reason or "no reason given"
 
     def run(self, controller: Controller) -> LoopResult:
         """Arm, run the controller until it has finished or something ends it, leave the device stopped.
@@ -120,6 +120,9 @@ class ControlLoop:
     def _tick(self, controller: Controller, now_ns: int) -> None:
         state = self._device.read(now_ns)
         note_state(self._record, self._ticks, now_ns, state)
+        # What is asked for from now on counts in the next tick: a recording says what this one knew.
+        self._stop_reason = self._asked
+        note_stop(self._record, self._stop_reason)
         self._take_orders(controller, now_ns, state)
         setpoint = None
         if self.mode is LoopMode.RUNNING:

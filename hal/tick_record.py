@@ -8,14 +8,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from preshape.hal.layout import LAYOUT, SIDES
+from preshape.hal.layout import LAYOUT, SIDES, Side
+from preshape.hal.sah_hand import FINGERS
 from preshape.hal.state import RobotCommand, RobotState
 from preshape.hal.world import PoseSample
 
 GROUPS = ("palm", "thumb", "fingers")
 """The paper's groups B1, B2, B3: the columns of `group_distance`."""
 
-TEXT_LENGTHS = {"fault": 80, "phase": 32, "mode": 24}
+TEXT_LENGTHS = {"fault": 80, "stop_reason": 80, "phase": 32, "mode": 24}
 """Bytes kept of each text; longer ones are cut."""
 
 TICK = np.dtype(
@@ -30,6 +31,8 @@ TICK = np.dtype(
         ("velocity", np.float64, (LAYOUT.dof,)),
         ("torque", np.float64, (LAYOUT.dof,)),
         ("stamp_ns", np.int64, (LAYOUT.dof,)),
+        # What the operator, or a service, had asked for when the tick began.
+        ("stop_reason", f"S{TEXT_LENGTHS['stop_reason']}"),
         # What was commanded; `taken` says whether the device accepted it.
         ("commanded", np.bool_),
         ("taken", np.bool_),
@@ -42,7 +45,13 @@ TICK = np.dtype(
         ("task", np.int16),
         ("phase", f"S{TEXT_LENGTHS['phase']}"),
         ("mode", f"S{TEXT_LENGTHS['mode']}"),
+        ("held", np.bool_),
         ("group_distance", np.float64, (len(SIDES), len(GROUPS))),
+        ("group_point", np.float64, (len(SIDES), len(GROUPS), 3)),
+        ("group_force", np.float64, (len(SIDES), len(GROUPS), 3)),
+        ("X_world_preshape", np.float64, (len(SIDES), 4, 4)),
+        ("preshape_half", np.float64, (len(SIDES), 3)),
+        ("tip_target", np.float64, (len(SIDES), len(FINGERS), 3)),
         ("X_world_object", np.float64, (4, 4)),
         ("object_stamp_ns", np.int64),
         # How the loop kept its time.
@@ -53,10 +62,19 @@ TICK = np.dtype(
 )
 """One tick; SI units (rad, rad/s, N m, m), times in ns on the loop's clock.
 
-Joint quantities are (40,) in layout order. `group_distance` (2, 3), m: the least distance of each group of
-the right and of the left hand to what it must not touch; NaN where it was not evaluated. `X_world_object` is
-the estimate used in this tick, as old as now_ns - object_stamp_ns; NaN before the first.
+Joint quantities are (40,) in layout order. `stop_reason` is empty until a stop is asked for. `held`: the
+controller was still planning, and the setpoint before was repeated. `group_distance` (2, 3), m: the least distance
+of each group of the right and of the left hand to what it must not touch; `group_point`, m, and `group_force`, N:
+the reciprocal point there and the force on the group, in the world; NaN where they were not evaluated.
+`X_world_preshape`, `preshape_half` (m) and `tip_target` (m, in the world): the preshaping box that each hand is on
+its way to and where its fingertips shall be; NaN when there is none. `X_world_object` is the estimate used in this
+tick, as old as now_ns - object_stamp_ns; NaN before the first.
 """
+
+FIELD_ARRAYS = ("group_distance", "group_point", "group_force")
+"""What the field says of each group; in the order of `note_field`."""
+AIM_ARRAYS = ("X_world_preshape", "preshape_half", "tip_target")
+"""What a hand is on its way to; in the order of `note_aim`."""
 
 TickRecord = NDArray[np.void]
 """A record: an array of dtype `TICK` without dimensions; a chunk of records has one."""
@@ -65,7 +83,7 @@ TickRecord = NDArray[np.void]
 def new_record() -> TickRecord:
     """Return a record of nothing: numbers zero, lengths and poses NaN, texts empty."""
     record = np.zeros((), TICK)
-    for name in ("position", "velocity", "torque", "target", "group_distance", "X_world_object"):
+    for name in ("position", "velocity", "torque", "target", *FIELD_ARRAYS, *AIM_ARRAYS, "X_world_object"):
         record[name] = np.nan
     return record
 
@@ -91,16 +109,30 @@ def note_command(record: TickRecord, command: RobotCommand | None, taken: bool) 
     record["torque_target"] = command.torque
 
 
-def note_progress(
-    record: TickRecord, task: int, phase: str, mode: str, group_distance: ArrayLike, sample: PoseSample | None
-) -> None:
-    """Write down what the controller was doing, how near its hands (2, 3) were, m, and where it saw the object."""
+def note_stop(record: TickRecord, reason: str) -> None:
+    """Write down which stop had been asked for when the tick began; an empty text if none."""
+    record["stop_reason"] = as_bytes(reason)
+
+
+def note_progress(record: TickRecord, task: int, phase: str, mode: str, sample: PoseSample | None) -> None:
+    """Write down what the controller was doing, and where it saw the object."""
     record["task"], record["phase"], record["mode"] = task, as_bytes(phase), as_bytes(mode)
-    record["group_distance"] = group_distance
     if sample is None:
         record["X_world_object"], record["object_stamp_ns"] = np.nan, 0
     else:
         record["X_world_object"], record["object_stamp_ns"] = sample.X_world_box, sample.stamp_ns
+
+
+def note_field(record: TickRecord, distance: ArrayLike, point: ArrayLike, force: ArrayLike) -> None:
+    """Write down each group's distance (2, 3), m, reciprocal point (2, 3, 3), m, and force (2, 3, 3), N; NaN: none."""
+    record["group_distance"], record["group_point"], record["group_force"] = distance, point, force
+
+
+def note_aim(record: TickRecord, side: Side, X_world_preshape: ArrayLike, half: ArrayLike, tips: ArrayLike) -> None:
+    """Write down a hand's preshaping box (pose; half edges (3,), m) and fingertip targets (4, 3), m; NaN: none."""
+    hand = SIDES.index(side)
+    record["X_world_preshape"][hand], record["preshape_half"][hand] = X_world_preshape, half
+    record["tip_target"][hand] = tips
 
 
 def note_timing(record: TickRecord, lateness_ns: int, compute_ns: int) -> None:
@@ -114,5 +146,5 @@ def as_bytes(text: str) -> bytes:
 
 
 def text_of(record: TickRecord, name: str) -> str:
-    """Return one of the record's texts: `fault`, `phase` or `mode`."""
+    """Return one of the record's texts, the keys of `TEXT_LENGTHS`."""
     return bytes(record[name].item()).decode("ascii")

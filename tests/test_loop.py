@@ -24,7 +24,6 @@ from preshape.hal.state import DeviceStatus, RobotState
 from preshape.hal.tick_record import TickRecord, note_progress, text_of
 
 PERIOD_NS = 2_000_000
-NO_DISTANCES = np.full((2, 3), np.nan)
 
 
 class Sine:
@@ -47,7 +46,7 @@ class Sine:
         self.followed.append((position.copy(), velocity.copy()))
 
     def note(self, record: TickRecord) -> None:
-        note_progress(record, 3, "swing", "", NO_DISTANCES, None)
+        note_progress(record, 3, "swing", "", None)
 
 
 class Recorder:
@@ -270,6 +269,15 @@ def test_every_tick_is_recorded_as_it_was() -> None:
         assert text_of(record, "phase") == "swing" and record["task"] == 3
     modes = [text_of(record, "mode") for record in records]
     assert modes[0] == "holding" and set(modes[1:]) == {"running", "holding"}
+
+
+def test_a_stop_is_recorded_from_the_tick_on_that_knew_of_it() -> None:
+    stage = Stage()
+    stage.run(Sine(at={45: lambda: stage.loop.request_stop("operator")}))
+    records = stage.recorder.records
+    first = next(k for k, record in enumerate(records) if text_of(record, "stop_reason"))
+    assert text_of(records[first], "stop_reason") == "operator"
+    assert text_of(records[first - 1], "mode") == "running" and text_of(records[first], "mode") == "stopping"
 
 
 def test_a_loop_runs_once_and_its_gate_must_have_its_period() -> None:

@@ -60,7 +60,7 @@ class PalmMover:
         return Setpoint(self.smoother.update(self.goal).position, LAYOUT.torque, tick + 1 >= self.ticks)
 
     def note(self, record: TickRecord) -> None:
-        note_progress(record, 1, "reach", "", np.full((2, 3), np.nan), None)
+        note_progress(record, 1, "reach", "", None)
 
 
 def _run(ticks: int = 1200) -> tuple[LoopResult, PalmMover, SafetyGate, RobotState]:

@@ -22,7 +22,9 @@ def filled(record: tr.TickRecord, tick: int, rng: np.random.Generator, phase: st
     sample = PoseSample(now_ns - 7, transform(rng.normal(size=3), exp_so3(rng.normal(size=3))))
     tr.note_state(record, tick, now_ns, state)
     tr.note_command(record, RobotCommand(tick + 1, Mode.POSITION, position + 0.1, np.ones(LAYOUT.dof)), True)
-    tr.note_progress(record, 1, phase, "track", rng.uniform(size=(2, 3)), sample)
+    tr.note_progress(record, 1, phase, "track", sample)
+    tr.note_field(record, rng.uniform(size=(2, 3)), rng.normal(size=(2, 3, 3)), rng.normal(size=(2, 3, 3)))
+    tr.note_aim(record, "left", sample.X_world_box, (0.1, 0.2, 0.3), rng.normal(size=(4, 3)))
     tr.note_timing(record, 11, 13)
     return state
 
@@ -38,13 +40,15 @@ def test_record_holds_what_was_noted() -> None:
     assert tr.text_of(record, "phase") == "approach"
     assert (record["lateness_ns"], record["compute_ns"]) == (11, 13)
     assert record["now_ns"] - record["object_stamp_ns"] == 7
+    assert np.isfinite(record["group_force"]).all()
+    assert record["preshape_half"][1].tolist() == [0.1, 0.2, 0.3] and np.isnan(record["preshape_half"][0]).all()
 
 
 def test_tick_without_command_or_pose_keeps_nothing_of_the_tick_before() -> None:
     record = tr.new_record()
     filled(record, 4, np.random.default_rng(0))
     tr.note_command(record, None, False)
-    tr.note_progress(record, 0, "", "", np.nan, None)
+    tr.note_progress(record, 0, "", "", None)
     assert not record["commanded"]
     assert np.all(np.isnan(record["target"]))
     assert np.all(np.isnan(record["X_world_object"]))
@@ -65,7 +69,7 @@ def test_record_survives_its_bytes() -> None:
 
 def test_texts_too_long_or_not_ascii_are_cut_and_replaced() -> None:
     record = tr.new_record()
-    tr.note_progress(record, 1, "é" + 100 * "x", "m", 0.0, None)
+    tr.note_progress(record, 1, "é" + 100 * "x", "m", None)
     assert tr.text_of(record, "phase") == "?" + (tr.TEXT_LENGTHS["phase"] - 1) * "x"
 
 

@@ -40,7 +40,7 @@ class PatientController:
         self._thread = Thread(target=self._think, name="controller", daemon=True)
         self._setpoint: Setpoint | None = None
         self._followed: tuple[Vector, Vector] | None = None
-        self._busy = False
+        self._busy = self._holding = False
         self._steps = 0
         self.held = 0
 
@@ -58,10 +58,12 @@ class PatientController:
             self._asked.put(_Step(self._steps, now_ns, state, self._followed))
             self._followed, self._busy = None, True
             self._steps += 1
+        self._holding = False
         try:
             answer = self._answers.get(timeout=self._patience_s)
         except Empty:
             self.held += 1
+            self._holding = True
             return self._held_setpoint()
         self._busy = False
         if isinstance(answer, Exception):
@@ -76,8 +78,9 @@ class PatientController:
             self._setpoint = Setpoint(position.copy(), LAYOUT.torque.copy())
 
     def note(self, record: TickRecord) -> None:
-        """Let the inner controller write into the record, which may be half way through its step."""
+        """Let the inner controller write into the record, which may be half way through its step; say if it held."""
         self._inner.note(record)
+        record["held"] = self._holding
 
     def _held_setpoint(self) -> Setpoint:
         if self._setpoint is None:
