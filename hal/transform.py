@@ -83,3 +83,10 @@ def log_so3(R: Matrix) -> Matrix:
 def axis_rotation(axis: ArrayLike, angle: float) -> Matrix:
     """Return the rotation about a unit axis by an angle in rad."""
     return exp_so3(np.asarray(axis, float) * angle)
+
+
+def quaternion_xyzw(R: Matrix) -> Matrix:
+    """Return the unit quaternion (4,), its scalar last and never negative, of a rotation."""
+    w = log_so3(R)
+    half = 0.5 * float(np.sqrt(w @ w))
+    return np.append(0.5 * np.sinc(half / np.pi) * w, np.cos(half))
