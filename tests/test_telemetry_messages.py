@@ -34,7 +34,8 @@ def record_of(tick: int, rng: np.random.Generator, **fields: object) -> tr.TickR
     tr.note_state(record, tick, now_ns, RobotState(tick, position, velocity, torque, stamps, DeviceStatus.ARMED))
     tr.note_command(record, RobotCommand(tick + 1, Mode.POSITION, position + 0.1, np.ones(LAYOUT.dof)), True)
     record["task"], record["phase"], record["mode"] = 1, b"approach", b"running"
-    record["group_distance"] = rng.uniform(size=(2, 3))
+    tr.note_field(record, rng.uniform(size=(2, 3)), rng.uniform(size=(2, 3, 3)), rng.uniform(size=(2, 3, 3)))
+    tr.note_aim(record, "right", transform(rng.normal(size=3)), [0.01, 0.02, 0.03], rng.normal(size=(4, 3)))
     record["X_world_object"] = transform(rng.normal(size=3), exp_so3(rng.normal(size=3)))
     record["object_stamp_ns"] = now_ns - 40_000_000
     tr.note_timing(record, 11_000, 300_000)
@@ -89,7 +90,21 @@ def test_the_task_arrives_with_each_groups_distance() -> None:
     assert isinstance(got, TaskState)
     assert (got.task, got.task_name, got.phase, got.mode, got.status) == (1, "grasp", "approach", "running", "ARMED")
     for hand, side in enumerate(SIDES):
-        assert [got.groups[side][group].distance for group in tr.GROUPS] == record["group_distance"][hand].tolist()
+        readings = [got.groups[side][group] for group in tr.GROUPS]
+        assert [reading.distance for reading in readings] == record["group_distance"][hand].tolist()
+        assert [reading.point for reading in readings] == record["group_point"][hand].tolist()
+        assert [reading.force for reading in readings] == record["group_force"][hand].tolist()
+
+
+def test_the_task_arrives_with_what_each_hand_is_on_its_way_to() -> None:
+    record = record_of(0, np.random.default_rng(2))
+    got = state_of(record, "state/task", Stamps(0))
+    assert isinstance(got, TaskState) and list(got.aims) == ["right"]
+    aim = got.aims["right"]
+    assert list(aim.tips.values()) == record["tip_target"][0].tolist() and aim.box_size == [0.02, 0.04, 0.06]
+    tr.note_aim(record, "right", np.nan, np.nan, record["tip_target"][0])
+    without_box = state_of(record, "state/task", Stamps(0))
+    assert isinstance(without_box, TaskState) and without_box.aims["right"].box_size is None
 
 
 @given(st.lists(st.floats(-4.0, 4.0), min_size=3, max_size=3))
@@ -119,6 +134,7 @@ def test_every_change_is_one_event_and_the_numbers_have_no_gap() -> None:
         (5, "fault", "overheated"),
         (5, "drops", "3 records lost"),
     ]
+    assert [event.kind for event in finder.see(record_of(6, rng, stop_reason=b"enough"))][0] == "stop"
 
 
 def test_health_is_over_the_last_second_and_counts_over_the_run() -> None:

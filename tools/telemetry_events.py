@@ -7,7 +7,7 @@ from preshape.hal.tick_record import TickRecord, text_of
 from preshape.tools.telemetry_messages import Event, EventKind, Severity
 from preshape.tools.telemetry_states import TASK_NAMES
 
-_WATCHED = ("mode", "task", "phase", "status", "fault")
+_WATCHED = ("stop_reason", "mode", "task", "phase", "status", "fault")
 
 
 class EventFinder:
@@ -45,6 +45,8 @@ class EventFinder:
 
     def _changed(self, name: str, record: TickRecord) -> Event:
         match name:
+            case "stop_reason":
+                return self.note("stop", "warning", text_of(record, "stop_reason"))
             case "mode":
                 mode = text_of(record, "mode")
                 return self.note("mode", "warning" if mode in ("stopping", "stopped") else "info", f"loop is {mode}")

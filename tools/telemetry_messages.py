@@ -84,7 +84,11 @@ class AimState(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class TaskState(Stamped, frozen=True, tag="preshape/task/1"):
-    """`state/task`: what the controller is doing, how near each group is, and what each hand is on its way to."""
+    """`state/task`: what the controller is doing, how near each group is, and what each hand is on its way to.
+
+    `held`: the controller was still planning, and the setpoint before was repeated. `aims` has the hands that are on
+    their way to something.
+    """
 
     tick: int
     task: int
@@ -95,6 +99,7 @@ class TaskState(Stamped, frozen=True, tag="preshape/task/1"):
     fault: str
     groups: dict[str, dict[str, GroupState]]
     aims: dict[str, AimState]
+    held: bool
 
 
 class Spread(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

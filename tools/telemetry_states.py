@@ -11,11 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from preshape.hal.layout import LAYOUT, SIDES, Side
+from preshape.hal.sah_hand import FINGERS
 from preshape.hal.state import DeviceStatus
 from preshape.hal.tick_record import GROUPS, TickRecord, text_of
 from preshape.hal.transform import Matrix, quaternion_xyzw
 from preshape.tools.telemetry_keys import LIMBS
-from preshape.tools.telemetry_messages import GroupState, JointsState, Message, Number, ObjectState, TaskState
+from preshape.tools.telemetry_messages import (
+    AimState,
+    GroupState,
+    JointsState,
+    Message,
+    Number,
+    ObjectState,
+    Point,
+    TaskState,
+)
 
 TASK_NAMES = {1: "grasp", 2: "find opening", 3: "regrasp", 4: "crush", 5: "open"}
 """What the tasks are called; any other number is no task."""
@@ -74,7 +84,8 @@ def task_state(record: TickRecord, stamps: Stamps) -> TaskState:
         status=DeviceStatus(int(record["status"])).name,
         fault=text_of(record, "fault"),
         groups={side: _groups(record, hand) for hand, side in enumerate(SIDES)},
-        aims={},
+        aims={side: aim for hand, side in enumerate(SIDES) if (aim := _aim(record, hand)) is not None},
+        held=bool(record["held"]),
     )
 
 
@@ -102,7 +113,31 @@ def numbers(values: Iterable[float] | NDArray[np.float64]) -> list[Number]:
 
 def _groups(record: TickRecord, hand: int) -> dict[str, GroupState]:
     distances = numbers(record["group_distance"][hand])
-    return {name: GroupState(distance=distances[k]) for k, name in enumerate(GROUPS)}
+    points, forces = record["group_point"][hand], record["group_force"][hand]
+    return {
+        name: GroupState(distance=distances[k], point=_known(points[k]), force=_known(forces[k]))
+        for k, name in enumerate(GROUPS)
+    }
+
+
+def _aim(record: TickRecord, hand: int) -> AimState | None:
+    """Return what a hand is on its way to, None if to nothing."""
+    tips, X = record["tip_target"][hand], record["X_world_preshape"][hand]
+    if np.isnan(tips[0, 0]):
+        return None
+    targets = {finger: numbers(tips[k]) for k, finger in enumerate(FINGERS)}
+    if np.isnan(X[0, 0]):
+        return AimState(tips=targets)
+    return AimState(
+        tips=targets,
+        box_position=numbers(X[:3, 3]),
+        box_orientation_xyzw=numbers(quaternion_xyzw(X[:3, :3])),
+        box_size=numbers(2.0 * record["preshape_half"][hand]),
+    )
+
+
+def _known(point: NDArray[np.float64]) -> Point | None:
+    return None if np.isnan(point[0]) else numbers(point)
 
 
 def _stamped(record: TickRecord, stamps: Stamps) -> dict[str, Any]:
