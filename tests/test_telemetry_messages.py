@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from preshape.control import box_opening
 from preshape.hal import tick_record as tr
+from preshape.hal.description import robot_urdf
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import DeviceStatus, Mode, RobotCommand, RobotState
 from preshape.hal.transform import exp_so3, quaternion_xyzw, transform
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.telemetry_events import EventFinder
 from preshape.tools.telemetry_health import HealthMeter
-from preshape.tools.telemetry_info import robot_info, schema_info, urdf_info
+from preshape.tools.telemetry_info import robot_info, schema_info
 from preshape.tools.telemetry_keys import SCHEMAS, Keys, check_name, message_type
 from preshape.tools.telemetry_messages import JointsState, ObjectState, TaskState, decode_message, encode_message
 from preshape.tools.telemetry_states import STATES, Stamps, state_of
@@ -172,7 +173,7 @@ def test_every_key_has_a_published_schema() -> None:
 
 
 def test_the_robots_description_names_every_joint() -> None:
-    urdf = urdf_info().urdf
+    urdf = robot_urdf()
     info = robot_info("box", "mujoco", False, 500.0, {"state/task": 20.0})
     assert [joint.name for joint in info.joints] == list(LAYOUT.names)
     assert all(f'name="{name}"' in urdf for name in LAYOUT.names)

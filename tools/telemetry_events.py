@@ -15,7 +15,7 @@ class EventFinder:
 
     def __init__(self, wall_offset_ns: int = 0) -> None:
         """Start before the first record; `wall_offset_ns` is what the loop's clock lacks to Unix time."""
-        self._wall_offset_ns = wall_offset_ns
+        self.wall_offset_ns = wall_offset_ns
         self._before: dict[str, object] = {}
         self._count = self._now_ns = self._tick = self._task = 0
 
@@ -32,7 +32,7 @@ class EventFinder:
         """Return an event that is not in the records, dated by the last of them."""
         event = Event(
             seq=self._count,
-            stamp_ns=self._now_ns + self._wall_offset_ns,
+            stamp_ns=self._now_ns + self.wall_offset_ns,
             mono_ns=self._now_ns,
             tick=self._tick,
             kind=kind,

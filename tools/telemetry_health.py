@@ -22,7 +22,7 @@ class HealthMeter:
 
     def __init__(self, period_ns: int, wall_offset_ns: int = 0) -> None:
         """Judge ticks by the loop's period."""
-        self._period_ns, self._wall_offset_ns = period_ns, wall_offset_ns
+        self._period_ns, self.wall_offset_ns = period_ns, wall_offset_ns
         self._times: NDArray[np.int64] = np.zeros((0, len(_TIMES) + 1), np.int64)
         self._last: TickRecord | None = None
         self._count = self._overruns = 0
@@ -72,7 +72,7 @@ class HealthMeter:
 
     def _stamped(self, record: TickRecord, seq: int) -> dict[str, Any]:
         now_ns = int(record["now_ns"])
-        return {"seq": seq, "stamp_ns": now_ns + self._wall_offset_ns, "mono_ns": now_ns}
+        return {"seq": seq, "stamp_ns": now_ns + self.wall_offset_ns, "mono_ns": now_ns}
 
     def _rate_hz(self) -> float:
         spans_ns = int(self._times[-1, 0] - self._times[0, 0])

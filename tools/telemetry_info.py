@@ -8,12 +8,10 @@ from collections.abc import Mapping
 import msgspec
 
 from preshape import __version__
-from preshape.hal.description import robot_urdf
-from preshape.hal.layout import LAYOUT, Side
+from preshape.hal.layout import LAYOUT
 from preshape.hal.tick_record import GROUPS
-from preshape.hal.transform import Matrix
 from preshape.tools.telemetry_keys import SCHEMAS
-from preshape.tools.telemetry_messages import JointInfo, RobotInfo, SchemaInfo, UrdfInfo, schema_of
+from preshape.tools.telemetry_messages import JointInfo, RobotInfo, SchemaInfo, schema_of
 from preshape.tools.telemetry_states import TASK_NAMES
 
 
@@ -35,11 +33,6 @@ def robot_info(robot: str, device: str, paced: bool, rate_hz: float, streams: Ma
         tasks=list(TASK_NAMES.values()),
         streams=dict(streams),
     )
-
-
-def urdf_info(X_world_base: Mapping[Side, Matrix] | None = None) -> UrdfInfo:
-    """Return the description of the robot whose arms stand there."""
-    return UrdfInfo(urdf=robot_urdf(X_world_base))
 
 
 def schema_info() -> SchemaInfo:
