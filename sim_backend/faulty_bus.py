@@ -26,8 +26,8 @@ from preshape.sim_backend.frame_lottery import FrameLottery
 
 End = Literal["host", "modules"]
 
-BUS_OFF_ERROR_ID = 0x40
-"""Class of the error frame by which SocketCAN says that the controller is off the bus (CAN_ERR_BUSOFF)."""
+BUS_OFF_ERROR_ID, RESTARTED_ERROR_ID = 0x040, 0x100
+"""Classes of the error frames by which SocketCAN says that the controller is off the bus, and that it is back."""
 NODE_BASES = (EMERGENCY_BASE, STATE_BASE, REPLY_BASE, REQUEST_BASE, HEARTBEAT_BASE)
 """Where the identifiers begin that name the node they come from or go to."""
 
@@ -77,18 +77,22 @@ class FaultyBus(can.BusABC):
         self._off = True
         self._outgoing.clear()
         self._incoming.clear()
+        self._tell_host(BUS_OFF_ERROR_ID)
+
+    def come_back(self) -> None:
+        """Let frames pass again; the controller is told that its node has restarted."""
+        self._off = False
+        self._tell_host(RESTARTED_ERROR_ID)
+
+    def _tell_host(self, error_class: int) -> None:
         error = can.Message(
-            arbitration_id=BUS_OFF_ERROR_ID, is_error_frame=True, is_extended_id=False, data=bytes(8),
+            arbitration_id=error_class, is_error_frame=True, is_extended_id=False, data=bytes(8),
             timestamp=self._now_ns() * 1e-9,
         )  # fmt: skip
         if self._end == "host":
             self._unharmed.append(error)
         else:
             self._bus.send(error)
-
-    def come_back(self) -> None:
-        """Let frames pass again."""
-        self._off = False
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame, or what becomes of it, and everything else that is due."""

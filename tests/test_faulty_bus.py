@@ -15,7 +15,7 @@ from preshape.hal.can.checksum import checksum32, crc16
 from preshape.hal.can.identifiers import command_id, heartbeat_id, state_id
 from preshape.sim_backend.delay_line import DelayLine
 from preshape.sim_backend.fault_plan import FaultEvent, FaultKind, FrameFaults
-from preshape.sim_backend.faulty_bus import BUS_OFF_ERROR_ID, FaultyBus, node_of
+from preshape.sim_backend.faulty_bus import BUS_OFF_ERROR_ID, RESTARTED_ERROR_ID, FaultyBus, node_of
 from preshape.sim_backend.frame_lottery import MOST_BITS, FrameLottery
 
 MS = 1_000_000
@@ -189,11 +189,12 @@ def test_a_bus_that_goes_off_says_so_by_an_error_frame_and_passes_nothing_until_
     assert _all(ends.modules) == []
     ends.modules.go_off()
     (error,) = _all(ends.host)
-    assert error.is_error_frame and error.arbitration_id & BUS_OFF_ERROR_ID
+    assert error.is_error_frame and error.arbitration_id == BUS_OFF_ERROR_ID
     ends.host.send(_frame(3))
     ends.wait(0.01)
     assert (_all(ends.modules), _all(ends.host)) == ([], [])
     ends.modules.come_back()
+    assert [frame.arbitration_id for frame in _all(ends.host)] == [RESTARTED_ERROR_ID]
     ends.host.send(_frame(4))
     _all(ends.modules)
     ends.wait(0.002)

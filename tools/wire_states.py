@@ -1,0 +1,75 @@
+"""Rules of the wire for the modules: what their states must never say. Pure; told frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from preshape.hal.layout import LAYOUT
+from preshape.hal.state import Vector
+from preshape.tools.wire_commands import CommandRules
+from preshape.tools.wire_rules import STOP_S, Positions, Violation
+from preshape.tools.wire_table import FrameTable
+
+TORQUE_RATIO, TORQUE_S = 1.2, 0.010
+"""A module's torque may be above this share of a joint's limit for no longer than this, s."""
+
+
+class StateRules:
+    """Of one module's states: torque, the sequence they echo, and that nothing is armed that was not told to be."""
+
+    def __init__(self, table: FrameTable, positions: Positions, commands: CommandRules) -> None:
+        """Judge the states that a table describes, of a module that obeys a group's commands."""
+        self._table, self._positions, self._commands = table, positions, commands
+        self._position, self._torque = table.columns["position"], table.columns["torque"]
+        self._indices = self._position.indices
+        self._limit = LAYOUT.torque[self._indices]
+        self._over_since: Vector = np.full(len(self._indices), np.inf)
+        self._armed = self._told = False
+        self._stopped_s: float | None = None
+        self._said = False
+        self.torque_ratio = 0.0
+        """Largest torque reported, as a share of the joint's limit."""
+
+    def told_to_arm(self) -> None:
+        """Note that the controller has told this module to arm."""
+        self._told, self._stopped_s = True, None
+
+    def stop(self, time_s: float) -> None:
+        """Note a quick stop."""
+        self._told = False
+        if self._armed:
+            self._stopped_s = self._stopped_s or time_s
+
+    def judge(self, time_s: float, data: bytes) -> Iterator[Violation]:
+        """Tell what is wrong with a state."""
+        self._positions.add(time_s, self._indices, self._position.read(data))
+        yield from self._judge_torque(time_s, np.abs(self._torque.read(data)))
+        armed = self._table.word("state", data) == "armed"
+        if armed and not self._armed and not self._told:
+            yield self._broken(time_s, "arming", "armed without being told to")
+        if armed and self._stopped_s is not None and time_s - self._stopped_s > STOP_S and not self._said:
+            self._said = True
+            yield self._broken(time_s, "stop", f"still armed {time_s - self._stopped_s:.3f} s after a quick stop")
+        if not armed:
+            self._stopped_s, self._said = None, False
+        elif not self._armed:
+            self._told = False
+        self._armed = armed
+        sequence = self._table.number("sequence", data)
+        if self._table.number("taken", data) and sequence not in self._commands.sent:
+            yield self._broken(time_s, "sequence", f"took command {sequence}, which nobody sent")
+
+    def _judge_torque(self, time_s: float, torque: Vector) -> Iterator[Violation]:
+        ratio = torque / self._limit
+        self.torque_ratio = max(self.torque_ratio, float(ratio.max()))
+        over = ratio > TORQUE_RATIO
+        self._over_since = np.where(over, np.minimum(self._over_since, time_s), np.inf)
+        for place in np.flatnonzero(time_s - self._over_since > TORQUE_S):
+            self._over_since[place] = np.inf
+            text = f"{self._torque.joints[place]} reports {torque[place]:.3f} N m for more than {TORQUE_S * 1e3:g} ms"
+            yield self._broken(time_s, "torque", f"{text}, its limit is {self._limit[place]:g}")
+
+    def _broken(self, time_s: float, rule: str, text: str) -> Violation:
+        return Violation(time_s, rule, self._table.owner, text)
