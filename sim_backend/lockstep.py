@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from preshape.hal.state import Vector
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.kicks import KickSchedule
+from preshape.sim_backend.plant import Plant
 from preshape.sim_backend.referee import Referee
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene_perception import attach_sensors
@@ -17,7 +18,7 @@ from preshape.sim_backend.simulation import STEP_NS, Simulation
 class SimClock:
     """`preshape.hal.clock.Clock` that is the simulation: waiting steps it."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Plant) -> None:
         """Read and advance a simulation's time."""
         self._simulation = simulation
 
