@@ -24,6 +24,8 @@ class Options(RunOptions):
         seed: what the scenario leaves to chance is drawn by this; default: the scenario's own seed.
         out: folder for the results; default: runs/<time>-<scenario>-<seed>/.
         overrides: a scenario field to be set; may be given several times.
+        telemetry: publish the run over Zenoh, for this machine only, and take stops from there.
+        telemetry_config: the same, as a TOML file says: robot id, rates, services, Zenoh configuration.
     """
 
     scenario: str = "tea_box"
@@ -32,6 +34,8 @@ class Options(RunOptions):
     overrides: Annotated[
         tuple[str, ...], tyro.conf.arg(name="set", metavar="TABLE.FIELD=VALUE"), tyro.conf.UseAppendAction
     ] = ()
+    telemetry: bool = False
+    telemetry_config: Path | None = None
 
     def __post_init__(self) -> None:
         RunOptions.__post_init__(self)
@@ -45,12 +49,15 @@ def execute(options: Options) -> int:
     from preshape.tools.progress import RunProgress
     from preshape.tools.run_directory import choose_directory, write_run
     from preshape.tools.session import run_session
+    from preshape.tools.telemetry_file import load_telemetry
 
     scenario = load_scenario(options.scenario, options.overrides)
     seed = scenario.seed if options.seed is None else options.seed
+    wanted = options.telemetry or options.telemetry_config is not None
+    telemetry = load_telemetry(options.telemetry_config) if wanted else None
     directory = choose_directory(options.out, scenario.name, seed)
     with RunProgress() as progress:
-        result = run_session(scenario, seed, options, [progress.watch])
+        result = run_session(scenario, seed, options, [progress.watch], telemetry)
     files = write_run(result, directory)
     print(summary(result.report))
     for name, file in files.items():

@@ -7,7 +7,7 @@ import threading
 import time
 import traceback
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from types import FrameType
 
@@ -38,6 +38,9 @@ from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import plan_drawing, plan_run
 from preshape.tools.run_result import RunResult
 from preshape.tools.run_world import RunWorld, open_world
+from preshape.tools.standby import await_start
+from preshape.tools.telemetry import Telemetry
+from preshape.tools.telemetry_config import TelemetryConfig
 
 RATE_HZ = 500.0
 EMPTY_TICKS = 500
@@ -61,24 +64,32 @@ def build_world(drawn: Scenario) -> World:
 
 
 def run_session(
-    scenario: Scenario, seed: int, options: RunOptions | None = None, observers: Sequence[Observer] = ()
+    scenario: Scenario,
+    seed: int,
+    options: RunOptions | None = None,
+    observers: Sequence[Observer] = (),
+    telemetry: TelemetryConfig | None = None,
 ) -> RunResult:
     """Carry out the procedure in the world that `seed` draws from a scenario; nothing is written to disk.
 
-    `observers` are told of every tick besides those that the options ask for. What nobody could do is a failure
-    before anything moves. An exception of the controller is a failure with its text; the loop has stopped the
-    device then.
+    `observers` are told of every tick besides those that the options ask for; with `telemetry` the run goes out over
+    Zenoh, and a stop that is asked for there is obeyed. What nobody could do is a failure before anything moves. An
+    exception of the controller is a failure with its text; the loop has stopped the device then.
 
     Raises:
-        DeviceUnreachable: the world could not be opened, or was lost.
+        DeviceUnreachable: the world, or the telemetry, could not be opened, or the world was lost.
     """
     options = options or RunOptions()
     drawn = scenario.drawn(seed)
     evidence = Evidence()
     watching = Observers(observers)
     cause = impossibility(workcell(drawn), nominal_box(drawn), initial_box_pose(drawn))
-    with open_world(drawn, options.paced and cause is None) as world:
+    with _telemetry(telemetry, drawn, options) as live, open_world(drawn, options.paced and cause is None) as world:
+        if live is not None and live.waits_for_start:
+            options = await_start(live.orders, options)
         course = _prepare(world, drawn, options, watching)
+        if live is not None:
+            live.watch(course.loop, watching)
         if cause is not None:
             course.controller.work.task, course.error = cause
         else:
@@ -88,6 +99,8 @@ def run_session(
                 watching.add(evidence.keep_pictures(world.scene_positions))
             _run(course, world.clock, options.paced)
         finished = world.finish()
+        if live is not None and live.note:
+            course.controller.work.notes.append(live.note)
     ended = replace(finished, verdict=replace(finished.verdict, until_task=options.until_task))
     work = course.controller.work
     plan = plan_run(work.box, work.opening, work.grips)
@@ -96,6 +109,14 @@ def run_session(
         evidence.plan = plan_drawing(plan)
     kept = evidence if evidence.recording or evidence.storyboard else None
     return RunResult(drawn, report, exit_code(report, course), kept)
+
+
+def _telemetry(
+    config: TelemetryConfig | None, drawn: Scenario, options: RunOptions
+) -> AbstractContextManager[Telemetry | None]:
+    if config is None:
+        return nullcontext()
+    return Telemetry(config, options.device, options.paced, RATE_HZ, workcell(drawn).X_world_base)
 
 
 def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpening:

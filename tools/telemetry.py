@@ -47,6 +47,7 @@ class Telemetry:
         context = multiprocessing.get_context("spawn")
         self.ring, orders = ring_memory(context), orders_memory(context)
         self.orders = Orders(orders)
+        self.waits_for_start = "start" in config.services
         self._writer = RingWriter(self.ring)
         facts = RobotFacts(device=device, paced=paced, rate_hz=rate_hz, pid=os.getpid(), urdf=robot_urdf(X_world_base))
         self._life, there = context.Pipe()
