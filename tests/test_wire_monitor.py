@@ -85,6 +85,15 @@ def test_a_sequence_number_that_is_not_newer_is_named(script: WireScript, back: 
     assert script.broken() == {"sequence": 1}
 
 
+def test_polls_between_commands_change_nothing(script: WireScript) -> None:
+    script.position[JOINT] += 0.02
+    for _ in range(30):
+        script.command({JOINT: 0.3}, mode="poll", session=0, enable=0)
+        script.time_s += PERIOD_S
+    script.command({JOINT: 0.3})
+    assert script.broken() == {}
+
+
 def test_sequence_numbers_may_wrap_and_begin_anew_with_a_session() -> None:
     script = WireScript()
     script.sequence = (1 << 16) - 20

@@ -50,16 +50,21 @@ class CommandRules:
     def judge(self, time_s: float, data: bytes) -> Iterator[Violation]:
         """Tell what is wrong with a command."""
         table = self._table
-        session, sequence = table.number("session", data), table.number("sequence", data)
-        steps = (sequence - self._sequence) % SEQUENCES
+        session, sequence, mode = (
+            table.number("session", data),
+            table.number("sequence", data),
+            table.word("mode", data),
+        )
+        self.sent.append(sequence)
+        yield from self._rate(time_s)
+        if mode == "poll":
+            return
+        steps, self._sequence = (sequence - self._sequence) % SEQUENCES, sequence
         if session != self._session:
             self._session, self._last, self._moved, steps = session, None, False, 1
         elif not 0 < steps < SEQUENCES // 2:
-            yield self._broken(time_s, "sequence", f"number {sequence} after {self._sequence}")
-        self._sequence = sequence
-        self.sent.append(sequence)
-        yield from self._rate(time_s)
-        mode, enabled = table.word("mode", data), self._enabled(data)
+            yield self._broken(time_s, "sequence", f"number {sequence} is not newer than the one before")
+        enabled = self._enabled(data)
         if mode not in ("position", "torque") or not enabled.any():
             self._last = None
             return
