@@ -32,9 +32,9 @@ def _case(seed: int, name: str = "one") -> RunCase:
 @pytest.mark.parametrize("backend", ["loky", "threading"])
 def test_outcomes_come_in_the_order_of_the_cases(backend: Backend) -> None:
     cases = [_case(seed, name) for name in ("one", "two") for seed in (4, 1, 2)]
-    heard: list[tuple[str, int]] = []
-    outcomes = sweep(cases, fake_run, backend, 2, lambda outcome: heard.append((outcome.scenario, outcome.seed)))
-    assert [(outcome.scenario, outcome.seed) for outcome in outcomes] == [case.key for case in cases]
+    heard: list[tuple[str, str, int]] = []
+    outcomes = sweep(cases, fake_run, backend, 2, lambda outcome: heard.append(outcome.key))
+    assert [outcome.key for outcome in outcomes] == [case.key for case in cases]
     assert sorted(heard) == sorted(case.key for case in cases)
     assert [outcome.success for outcome in outcomes] == [True, False, True] * 2
 
@@ -131,7 +131,9 @@ def test_a_case_for_every_scenario_and_seed_with_the_options_of_the_runs() -> No
         scenario=("tea_box", "tea_box_lying"), seeds="0:3", ties="hard", norm="l1", overrides=("strengths.scale=2.0",)
     )
     cases = sweep_cases(options)
-    assert [case.key for case in cases] == [(name, seed) for name in ("tea_box", "tea_box_lying") for seed in range(3)]
+    assert [case.key for case in cases] == [
+        (name, "", seed) for name in ("tea_box", "tea_box_lying") for seed in range(3)
+    ]
     assert all(case.options == RunOptions(ties="hard", norm="l1", record=False, pictures=False) for case in cases)
     assert all(case.scenario.strengths.scale == 2.0 for case in cases)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from preshape.tools.sweep_run import RunCase, RunOutcome
 
 SCHEMA = "preshape/sweep/1"
+NO_FAULTS = "none"
+"""The campaign in which nothing goes wrong."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +26,7 @@ class Options(RunOptions):
 
     Attributes:
         scenario: scenarios' TOML files, or names of shipped ones.
+        campaigns: what goes wrong on the bus, one row of a matrix each: names of campaigns, or lists of faults.
         seeds: what to draw: 7, 0:40 (40 not included), 0:40:4 or 1,5,9.
         backend: what runs them: loky (processes of this machine), threading (for a debugger), dask or ray (a cluster).
         jobs: runs at a time; 0 is one a core, and one at all when paced.
@@ -33,6 +36,7 @@ class Options(RunOptions):
     """
 
     scenario: tuple[str, ...] = ("tea_box",)
+    campaigns: Annotated[tuple[str, ...], tyro.conf.arg(name="faults", metavar="FAULTS ...")] = ()
     seeds: str = "0:40"
     backend: Literal["loky", "threading", "dask", "ray"] = "loky"
     jobs: int = 0
@@ -41,6 +45,7 @@ class Options(RunOptions):
     overrides: Annotated[
         tuple[str, ...], tyro.conf.arg(name="set", metavar="TABLE.FIELD=VALUE"), tyro.conf.UseAppendAction
     ] = ()
+    faults: tyro.conf.Suppress[str] = ""
     record: tyro.conf.Suppress[bool] = False
     pictures: tyro.conf.Suppress[bool] = False
 
@@ -49,10 +54,10 @@ class Options(RunOptions):
         if self.jobs < 0:
             raise ConfigurationError(f"jobs: got {self.jobs}, allowed is >= 0")
 
-    @property
-    def run(self) -> RunOptions:
-        """How each run is done."""
-        return RunOptions(**{field.name: getattr(self, field.name) for field in fields(RunOptions)})
+    def run(self, faults: str = "") -> RunOptions:
+        """Return how each run with such faults is done."""
+        how = RunOptions(**{field.name: getattr(self, field.name) for field in fields(RunOptions)})
+        return replace(how, faults="" if faults == NO_FAULTS else faults)
 
 
 def execute(options: Options) -> int:
@@ -61,10 +66,11 @@ def execute(options: Options) -> int:
 
     # Before anything numerical is loaded, here or in a process started from here.
     limit_threads()
+    from preshape.tools.fault_matrix import fault_rows, matrix
     from preshape.tools.sweep import sweep
     from preshape.tools.sweep_run import run_case
     from preshape.tools.sweep_summary import summarise
-    from preshape.tools.sweep_tables import Progress, print_sweep
+    from preshape.tools.sweep_tables import Progress, print_sweep, results_console
 
     cases = sweep_cases(options)
     jobs = options.jobs or (1 if options.paced else -1)
@@ -80,17 +86,22 @@ def execute(options: Options) -> int:
     write(options, outcomes)
     summaries = summarise(outcomes)
     print_sweep(summaries, outcomes, options.until_task)
+    if options.campaigns:
+        rows = fault_rows(outcomes)
+        results_console().print(matrix(rows))
+        return ExitCode.DONE if all(row.sound for row in rows) else ExitCode.TASK_FAILED
     enough = all(summary.success.count >= options.at_least for summary in summaries)
     return ExitCode.DONE if enough else ExitCode.TASK_FAILED
 
 
 def sweep_cases(options: Options) -> list[RunCase]:
-    """Return every scenario with every seed.
+    """Return every scenario with every campaign and every seed.
 
     Raises:
-        ConfigurationError: a file, an override or the seeds cannot be read, or two scenarios have one name.
+        ConfigurationError: a file, an override, faults or the seeds cannot be read, or two scenarios have one name.
     """
     from preshape.tools.configuration import load_scenario
+    from preshape.tools.fault_text import parse_faults
     from preshape.tools.sweep import parse_seeds
     from preshape.tools.sweep_run import RunCase
 
@@ -98,7 +109,13 @@ def sweep_cases(options: Options) -> list[RunCase]:
     names = [scenario.name for scenario in scenarios]
     if len(set(names)) != len(names):
         raise ConfigurationError(f"scenario: got {', '.join(names)}, allowed are scenarios of different names")
-    return [RunCase(scenario, seed, options.run) for scenario in scenarios for seed in parse_seeds(options.seeds)]
+    campaigns = options.campaigns or ("",)
+    for campaign in campaigns:
+        parse_faults(campaign)
+    if len(set(campaigns)) != len(campaigns):
+        raise ConfigurationError(f"--faults: got {' '.join(campaigns)}, allowed are different ones")
+    seeds, hows = parse_seeds(options.seeds), [options.run(campaign) for campaign in campaigns]
+    return [RunCase(scenario, seed, how) for scenario in scenarios for how in hows for seed in seeds]
 
 
 def write(options: Options, outcomes: list[RunOutcome]) -> None:
@@ -115,6 +132,7 @@ def write(options: Options, outcomes: list[RunOutcome]) -> None:
         "version": __version__,
         "scenarios": options.scenario,
         "seeds": options.seeds,
+        "faults": options.campaigns,
         "overrides": options.overrides,
         "options": {field.name: getattr(options, field.name) for field in fields(RunOptions)},
         "summaries": summarise(outcomes),

@@ -33,6 +33,7 @@ class RunOptions:
         carry_speed: speed at which the right hand moves the box to and fro while the left hand comes, m/s.
         carry_turn_deg: speed at which it turns the box meanwhile, deg/s.
         feed_forward: feed that motion forward to the left hand; without it the hand only follows what it sees.
+        faults: what goes wrong on the bus: a campaign's name, or a list like drop=0.01,jitter_ms=2 (see README).
         until_task: the last task carried out; success is then judged on the tasks up to it.
         time_limit_s: simulated time after which the run ends, s.
         record: keep what recording.rrd and the plots need.
@@ -50,6 +51,7 @@ class RunOptions:
     carry_speed: float = 0.0
     carry_turn_deg: float = 0.0
     feed_forward: bool = True
+    faults: str = ""
     until_task: int = TASKS
     time_limit_s: float = 180.0
     record: bool = True
@@ -62,6 +64,10 @@ class RunOptions:
         ):
             if not 0.0 <= value <= most:
                 raise ConfigurationError(f"{flag}: got {value:g}, allowed is 0 .. {most:g}")
+        if self.faults and self.device == "mujoco":
+            raise ConfigurationError(
+                f"--faults: got {self.faults!r}, allowed is none with --device mujoco: it has no bus"
+            )
         if not 1 <= self.until_task <= TASKS:
             raise ConfigurationError(f"--until-task: got {self.until_task}, allowed is 1 .. {TASKS}")
         if not 0.0 < self.time_limit_s <= LONGEST_S:

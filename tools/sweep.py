@@ -83,11 +83,11 @@ def sweep(
     An exception in a run is that run's failure. When a process dies, joblib gives up all that were not done:
     these are run again, each in a process of its own, and the one that dies again is named.
     """
-    outcomes: dict[tuple[str, int], RunOutcome] = {}
+    outcomes: dict[tuple[str, str, int], RunOutcome] = {}
 
     def take(results: Iterator[RunOutcome]) -> None:
         for outcome in results:
-            outcomes[outcome.scenario, outcome.seed] = outcome
+            outcomes[outcome.key] = outcome
             progress(outcome)
 
     guard = joblib.delayed(guarded)

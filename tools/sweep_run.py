@@ -37,9 +37,18 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True):
     lid_angle_deg: float
 
 
+class WireFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """What the passive monitor says of a run's bus: rules broken, and the largest shares of the joints' limits."""
+
+    broken: dict[str, int]
+    torque_limit_ratio: float
+    torque_ratio: float
+
+
 class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What a sweep keeps of one run.
 
+    `faults` is what went wrong on its bus, as it was asked for; `wire` is None where there was no bus.
     `tasks_done`: for each of the five tasks whether the referee confirms it. `failed_task` is None for a
     success and for a failure outside of any task (an exception, a crashed process); the words of `cause`
     before its first colon are its class. `simulated_s` and `wall_s` are 0, and `figures` None, where the run did
@@ -60,6 +69,18 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     overruns: int = 0
     commands_sha256: str = ""
     figures: Figures | None = None
+    faults: str = ""
+    wire: WireFigures | None = None
+
+    @property
+    def key(self) -> tuple[str, str, int]:
+        """What tells this run from the others of its sweep."""
+        return self.scenario, self.faults, self.seed
+
+    @property
+    def label(self) -> str:
+        """The runs that this one is counted with: its scenario, and the faults if there are any."""
+        return f"{self.scenario} with {self.faults}" if self.faults else self.scenario
 
     @property
     def cause_class(self) -> str:
@@ -75,9 +96,9 @@ class RunCase(msgspec.Struct, frozen=True):
     options: RunOptions
 
     @property
-    def key(self) -> tuple[str, int]:
+    def key(self) -> tuple[str, str, int]:
         """What tells this run from the others of its sweep."""
-        return self.scenario.name, self.seed
+        return self.scenario.name, self.options.faults, self.seed
 
 
 Run = Callable[[RunCase], RunOutcome]
@@ -91,6 +112,7 @@ def run_case(case: RunCase) -> RunOutcome:
     report = result.report
     return RunOutcome(
         scenario=case.scenario.name,
+        faults=case.options.faults,
         seed=case.seed,
         success=report.success,
         failure=report.failure,
@@ -109,7 +131,13 @@ def run_case(case: RunCase) -> RunOutcome:
 def failed(case: RunCase, cause: str) -> RunOutcome:
     """Return the outcome of a run that could not report."""
     return RunOutcome(
-        scenario=case.scenario.name, seed=case.seed, success=False, failure=cause, failed_task=None, cause=cause
+        scenario=case.scenario.name,
+        faults=case.options.faults,
+        seed=case.seed,
+        success=False,
+        failure=cause,
+        failed_task=None,
+        cause=cause,
     )
 
 

@@ -64,9 +64,9 @@ class Summary(msgspec.Struct, frozen=True):
 
 
 def summarise(outcomes: Sequence[RunOutcome]) -> tuple[Summary, ...]:
-    """Return one summary per scenario, in the order in which they first appear; most frequent causes first."""
-    names = dict.fromkeys(outcome.scenario for outcome in outcomes)
-    return tuple(_scenario(name, [outcome for outcome in outcomes if outcome.scenario == name]) for name in names)
+    """Return one summary per scenario and faults, in the order of appearance; most frequent causes first."""
+    labels = dict.fromkeys(outcome.label for outcome in outcomes)
+    return tuple(_scenario(label, [outcome for outcome in outcomes if outcome.label == label]) for label in labels)
 
 
 def _scenario(name: str, outcomes: Sequence[RunOutcome]) -> Summary:

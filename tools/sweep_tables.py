@@ -56,17 +56,21 @@ class Progress:
             return
         result = "success" if outcome.success else outcome.failure
         print(
-            f"[{self._done}/{self._total}] {outcome.scenario} seed {outcome.seed}: {result} ({outcome.wall_s:.0f} s)",
+            f"[{self._done}/{self._total}] {outcome.label} seed {outcome.seed}: {result} ({outcome.wall_s:.0f} s)",
             file=sys.stderr,
             flush=True,
         )
 
 
+def results_console() -> Console:
+    """Return a console of the terminal's width, or of a fixed one where there is no terminal."""
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDTH)
+
+
 def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome], until_task: int) -> None:
     """Print success, tasks asked for and causes per scenario, then every failure by its seed."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
+    console = results_console()
     for summary in summaries:
         until = "" if until_task == len(TASK_NAMES) else f" (until task {until_task})"
         console.print(f"\n[bold]{summary.scenario}[/bold]: success {summary.success}{until}", highlight=False)
@@ -81,7 +85,7 @@ def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome], un
         )
     for outcome in outcomes:
         if not outcome.success:
-            console.print(f"{outcome.scenario} seed {outcome.seed}: {outcome.failure}", highlight=False, markup=False)
+            console.print(f"{outcome.label} seed {outcome.seed}: {outcome.failure}", highlight=False, markup=False)
 
 
 def _tasks(summary: Summary, until_task: int) -> Table:
