@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from random import Random
 
 import can
@@ -32,16 +32,19 @@ class CanRig(Rig):
         self.topology, self.wrap = topology, wrap
         self.channels = {spec.name: f"test-{number}-{spec.name}" for spec in topology.buses}
         self.robot = BareRobot(seed)
-        profile: Mapping[str, BusSpec] = {spec.name: spec for spec in topology.buses}
-        buses = {name: open_bus(BusAddress("virtual", self.channels[name]), profile[name].profile) for name in profile}
+        buses = {spec.name: open_bus(self.address(spec.name), spec.profile) for spec in topology.buses}
         self.rack = ModuleRack(topology, self.robot, buses, seed, reply_s=0.0015)
         self._random = Random(seed)
         device = CanDevice(topology, self.open_bus, config, lambda: self._random.getrandbits(32))
         super().__init__(device, SimClock(self.robot))
         self.can = device
 
+    def address(self, name: str) -> BusAddress:
+        """Return where a bus is."""
+        return BusAddress("virtual", self.channels[name])
+
     def open_bus(self, spec: BusSpec, identifiers: list[int]) -> can.BusABC:
-        bus = open_bus(BusAddress("virtual", self.channels[spec.name]), spec.profile, identifiers)
+        bus = open_bus(self.address(spec.name), spec.profile, identifiers)
         return bus if self.wrap is None else self.wrap(bus, spec.name)
 
     def tap(self, name: str = "right_hand") -> can.BusABC:
@@ -57,3 +60,10 @@ class CanRig(Rig):
     def close(self) -> None:
         self.device.close()
         self.rack.close()
+
+
+class VcanRig(CanRig):
+    """Driver and modules in lockstep, over one vcan of the kernel for each bus."""
+
+    def address(self, name: str) -> BusAddress:
+        return BusAddress("socketcan", f"vcan{list(self.channels).index(name)}")
