@@ -43,6 +43,8 @@ class Body:
         self._posture = np.zeros(len(_ARMS))
         self._started = False
         self.aims: dict[Side, Aim] = {}
+        self.stands = False
+        """Whether the arms stand still in this tick, whatever they are asked for; the fingers go on."""
         self.now_ns = 0
         self.age_ns: Vector = np.zeros(LAYOUT.dof)
         self.position: Vector = np.zeros(LAYOUT.dof)
@@ -64,6 +66,11 @@ class Body:
         self.now_ns, self.age_ns = now_ns, now_ns - state.stamp_ns
         self.position, self.velocity, self.torque = state.position, state.velocity, state.torque
         self.links.update(state.position)
+
+    @property
+    def commanded(self) -> tuple[Vector, Vector]:
+        """Position (40,), rad, and velocity (40,), rad/s, of the last command."""
+        return self._smoother.position, self._smoother.velocity
 
     def palm(self, side: Side) -> Matrix:
         """Return the measured X_world_palm."""
@@ -109,7 +116,9 @@ class Body:
 
     def setpoint(self) -> Setpoint:
         """Return this tick's command: IK where a palm is led, then ruckig from the last command."""
-        if any(goal is not None for goal in self._palm_goal.values()):
+        if self.stands:
+            self._goal[_ARMS] = self._last_goal[_ARMS]
+        elif any(goal is not None for goal in self._palm_goal.values()):
             self._solve_palms()
         goal = np.clip(self._goal, LAYOUT.lower, LAYOUT.upper)
         # Fingers led by torque have noisy goals: only the arms' goals carry a speed worth meeting.

@@ -16,6 +16,7 @@ from preshape.control.controller import Setpoint
 from preshape.control.course import Course
 from preshape.control.failure import TaskFailed
 from preshape.control.field import FieldOptions
+from preshape.control.guard import PATIENCE_S, ObstacleGuard
 from preshape.control.hand import Hand
 from preshape.control.motions import Motion, wait
 from preshape.control.opening_frame import opening_frame
@@ -47,6 +48,8 @@ from preshape.planner.air_pose import AirPlace, upper_face
 T = TypeVar("T")
 GRASPS = 2
 """How often the box is taken from the table until its opening faces the robot."""
+PHASE_S = 40.0
+"""Longest time of a phase, s; the slowest, a path for a held box, takes a quarter of it."""
 REST_S = 0.8
 """How long everything rests after the last task, s."""
 TASK_NAMES = ("grasp", "find opening", "regrasp", "crush", "open")
@@ -85,7 +88,8 @@ class BoxOpening:
         body = Body(cell, period_s)
         sight = Sight(perception, body)
         hands: dict[Side, Hand] = {side: Hand(side, body) for side in SIDES}
-        self.work = Work(cell, box, library, body, sight, hands, carry or CarryOptions())
+        guard = ObstacleGuard(body, sight, box)
+        self.work = Work(cell, box, library, body, sight, hands, guard, carry or CarryOptions())
         self.guide = FieldGuide(body, sight, box, options or FieldOptions())
         self.tasks = [TaskLog(number + 1, name) for number, name in enumerate(TASK_NAMES)]
         self.failure: str | None = None
@@ -95,6 +99,7 @@ class BoxOpening:
         self._report_opening = report_opening
         self._place = AirPlace()
         self._courses: tuple[Course, ...] = ()
+        self._phase, self._phase_ns = (0, ""), 0
         self._procedure = self._run()
         self._finished = False
 
@@ -107,13 +112,33 @@ class BoxOpening:
             work.hands[side].update()
         if work.sight.held_by is not None:
             work.body.aims.pop(work.sight.held_by, None)
+        work.guard.look()
+        work.body.stands = work.guard.blocked
         if not self._finished:
-            try:
-                next(self._procedure)
-            except StopIteration:
-                self._finished = True
+            self._advance()
         setpoint = work.body.setpoint()
         return Setpoint(setpoint.position, setpoint.torque_limit, self._finished)
+
+    def _advance(self) -> None:
+        """Advance the procedure; while the arms stand before an obstacle it waits, and then has to find another way.
+
+        Whatever a phase waits for, its time is limited.
+        """
+        work, guard = self.work, self.work.guard
+        phase = work.task, work.phase
+        if phase != self._phase:
+            self._phase, self._phase_ns = phase, work.body.now_ns
+        seconds = (work.body.now_ns - self._phase_ns) * 1e-9
+        try:
+            if seconds > PHASE_S:
+                self._phase_ns = work.body.now_ns
+                self._procedure.throw(TaskFailed(f"timed out: {work.phase} has taken {PHASE_S:g} s"))
+            elif not guard.blocked:
+                next(self._procedure)
+            elif guard.stood_s > PATIENCE_S:
+                self._procedure.throw(TaskFailed(f"stalled: {guard.give_up()}"))
+        except StopIteration:
+            self._finished = True
 
     def follow(self, position: Vector, velocity: Vector) -> None:
         """Continue from a command that is not the last setpoint."""

@@ -36,6 +36,11 @@ class Sight:
         return self.estimate is not None and self.estimate.settled
 
     @property
+    def jumps(self) -> int:
+        """How often the estimate was replaced at once: who aimed at an older one should aim again."""
+        return 0 if self.estimate is None else self.estimate.jumps
+
+    @property
     def X_world_box(self) -> Matrix:
         """The estimated pose now; `RuntimeError` before the first sample."""
         if self.estimate is None:

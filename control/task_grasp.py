@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,12 @@ STANDOFF_M = 0.11
 """Distance from the grasp pose, back along the palm's z axis, at which the fingertips reach the box's end, m."""
 SET_DOWN_M = 0.004
 """Height above the table from which the box is let go, m."""
+REACHES = 4
+"""How often the hand sets out for the box."""
+AIM_ANEW_S = 0.6
+"""Time until the hand sets out again: it comes to rest, and what is seen settles, s."""
+BACK_M = 0.10
+"""How far a hand that has stalled draws back along its axis, m."""
 LIFT_M = 0.13
 """How far the box is lifted straight up, m."""
 
@@ -34,6 +41,7 @@ class GraspChoice:
     """A grip and the right arm's postures through it: pre-grasp, grasp, lift, and showing the likely face."""
 
     grip: Grip
+    finger_face: Face
     likely_face: Face
     pregrasp: Vector
     grasp: Vector
@@ -66,8 +74,11 @@ def back_off(X_world_palm: Matrix, distance: float) -> Matrix:
     return X_world_palm @ transform((0.0, 0.0, -distance))
 
 
-def choose_grip(work: Work, likely: Face | None, place: AirPlace) -> GraspChoice:
-    """Return the reachable grip with the best postures; those that show the likely face well come first."""
+def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collection[Face] = ()) -> GraspChoice:
+    """Return the reachable grip with the best postures; those that show the likely face well come first.
+
+    Grips with the fingers on a face of `tried` come last.
+    """
     X_world_box = work.sight.X_world_box
     caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
     end = upper_face(X_world_box, caps)
@@ -78,19 +89,19 @@ def choose_grip(work: Work, likely: Face | None, place: AirPlace) -> GraspChoice
     causes: list[str] = []
     for finger_face in beside:
         grip = cage_grip(work.box.size, end, finger_face, "right")
-        choice = _postures(work, grip, end, place)
+        choice = _postures(work, grip, finger_face, end, place)
         if isinstance(choice, str):
             causes.append(f"fingers on {finger_face}: {choice}")
             continue
         bonus = 100.0 if likely is not None and choice.likely_face == likely else 0.0
         travel = float(np.abs(choice.grasp - work.body.asked_arm("right")).max())
-        choices.append((bonus - travel, choice))
+        choices.append((bonus - travel - 1000.0 * (finger_face in tried), choice))
     if not choices:
-        raise TaskFailed("unreachable: " + ("; ".join(causes) or "no grip suits the box"))
+        raise work.no_way("; ".join(causes) or "no grip suits the box")
     return max(choices, key=lambda item: item[0])[1]
 
 
-def _postures(work: Work, grip: Grip, end: Face, place: AirPlace) -> GraspChoice | str:
+def _postures(work: Work, grip: Grip, finger_face: Face, end: Face, place: AirPlace) -> GraspChoice | str:
     """Return one grip's chain of postures, each near the one before, or what is out of reach."""
     X_grasp = work.sight.X_world_box @ grip.X_box_palm
     face = shown_face(grip)
@@ -109,11 +120,13 @@ def _postures(work: Work, grip: Grip, end: Face, place: AirPlace) -> GraspChoice
             return f"{name} pose out of reach"
         postures.append(q)
         near = q
-    return GraspChoice(grip, face, *postures)
+    return GraspChoice(grip, finger_face, face, *postures)
 
 
-def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlace) -> Motion:
-    """Approach, close and lift; the grip is kept in `work.grips`."""
+def aim(
+    work: Work, likely: Face | None, place: AirPlace, tried: Collection[Face]
+) -> Generator[None, None, GraspChoice]:
+    """Look until the box is seen where it stays, and choose a grip of it."""
     work.phase = "look"
     settled = yield from wait_for(work.body, lambda: work.sight.settled, 3.0)
     if not settled:
@@ -121,23 +134,67 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     yield from wait(work.body, 0.3)
     likely = likely or glance(work)
     work.notes.append(f"glance: {likely or 'cannot tell'}")
-    choice = choose_grip(work, likely, place)
-    work.grips["right"] = choice.grip
-    hand = work.hands["right"]
+    return choose_grip(work, likely, place, tried)
+
+
+def surround(work: Work, guide: FieldGuide, choice: GraspChoice) -> Motion:
+    """Bring the open hand to the box and around it; `TaskFailed` moved: the box is seen elsewhere meanwhile."""
+    jumps = work.sight.jumps
     work.phase = "travel"
-    yield from lead_fingers(work.body, "right", choice.grip.preshape)
-    yield from work.travel("right", choice.pregrasp)
-    work.body.prefer_posture("right", choice.grasp)
+    for _ in come_near(work, guide, choice):
+        if work.sight.jumps != jumps:
+            raise TaskFailed("moved: the box is seen elsewhere than where the hand goes")
+        yield
+    work.phase = "insert"
+    yield from insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm_insert, choice.grip.preshape)
+
+
+def come_near(work: Work, guide: FieldGuide, choice: GraspChoice) -> Motion:
+    """Travel to the pre-grasp, then let the field bring the fingertips to the box's end."""
 
     def note(phase: str) -> None:
         work.phase = phase
 
+    yield from lead_fingers(work.body, "right", choice.grip.preshape)
+    yield from work.travel("right", choice.pregrasp)
+    work.body.prefer_posture("right", choice.grasp)
     yield from approach(
         guide, work.body, work.sight, "right", back_off(choice.grip.X_box_palm_insert, STANDOFF_M),
         choice.grip.preshape, note=note,
     )  # fmt: skip
-    work.phase = "insert"
-    yield from insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm_insert, choice.grip.preshape)
+
+
+def reach_box(
+    work: Work, guide: FieldGuide, likely: Face | None, place: AirPlace
+) -> Generator[None, None, GraspChoice]:
+    """Aim and bring the open hand around the box; aim anew when the box turns out elsewhere or something is in the way.
+
+    Nothing has been touched yet, so the hand can draw back along its own axis and come again, by another grip if
+    there is one.
+    """
+    tried: list[Face] = []
+    for left in reversed(range(REACHES)):
+        choice: GraspChoice | None = None
+        try:
+            choice = yield from aim(work, likely, place, tried)
+            yield from surround(work, guide, choice)
+            return choice
+        except TaskFailed as failed:
+            if not left or failed.kind not in ("stalled", "moved", "unreachable"):
+                raise
+            work.notes.append(f"reach: {failed.cause}; aim anew")
+            if choice is not None and failed.kind == "stalled" and work.phase != "travel":
+                tried.append(choice.finger_face)
+                yield from lead_palm(work.body, "right", back_off(work.body.palm("right"), BACK_M), speed=0.05)
+        yield from wait(work.body, AIM_ANEW_S)
+    raise AssertionError("the last try returns or raises")
+
+
+def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlace) -> Motion:
+    """Approach, close and lift; the grip is kept in `work.grips`."""
+    choice = yield from reach_box(work, guide, likely, place)
+    work.grips["right"] = choice.grip
+    hand = work.hands["right"]
     work.phase = "lay on"
     yield from lead_palm(work.body, "right", work.sight.X_world_box @ choice.grip.X_box_palm, speed=0.02)
     work.phase = "close"

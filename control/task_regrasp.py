@@ -7,13 +7,19 @@ from preshape.control.carrier import Carrier
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import SPARE_M, Grip, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
-from preshape.control.task_grasp import STANDOFF_M, back_off, draw_back, shown_face
+from preshape.control.task_grasp import BACK_M, STANDOFF_M, back_off, draw_back, shown_face
 from preshape.control.work import Work
-from preshape.hal.transform import inverse
+from preshape.hal.transform import inverse, transform
 from preshape.hal.world import Face, opposite
 
 PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
+ELSEWHERE = (
+    (0.0, 0.0, 0.0), (0.0, -0.08, 0.0), (0.0, 0.0, 0.08), (-0.08, 0.0, 0.0), (0.0, 0.0, -0.08), (0.08, 0.0, 0.0),
+)  # fmt: skip
+"""Where the box is held for the left hand, from where it was shown, m: elsewhere only if an obstacle is in the way."""
+STILL_S = 0.4
+"""How long the box rests after it has been moved aside, s."""
 EASED = 0.6
 """Share of its torques that the right hand keeps while the left closes: both press on the same two panels."""
 TIGHTENED = 1.15
@@ -36,22 +42,41 @@ def settle(work: Work, grip: Grip, carrier: Carrier) -> Motion:
         yield
 
 
-def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
-    """Bring the left hand to the free end cap, close it, open the right hand and draw it back."""
-    if work.opening is None:
-        raise TaskFailed("unseen: the opening area is not known")
+def reach_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
+    """Bring the open left hand around the free end; where obstacles leave no way, hold the box elsewhere and try again.
+
+    Nothing has been touched yet, so the left hand can draw back and come again.
+    """
+    X_palm = work.body.asked_palm("right")
+    for place in ELSEWHERE:
+        try:
+            if any(place):
+                work.phase = "move aside"
+                yield from work.travel_to_palm("right", transform(place) @ X_palm)
+                yield from wait(work.body, STILL_S)
+            yield from surround_end(work, guide, grip)
+            return
+        except TaskFailed as failed:
+            last = place == ELSEWHERE[-1]
+            if last or not work.sight.obstacles or failed.kind not in ("stalled", "unreachable", "timed out"):
+                raise
+            work.notes.append(f"reach end: {failed.cause}; held elsewhere")
+            if work.phase not in ("travel", "move aside"):
+                yield from lead_palm(work.body, "left", back_off(work.body.palm("left"), BACK_M), speed=0.05)
+
+
+def surround_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
+    """Bring the open left hand to the free end and around it, with a box that may move, and wait until it rests."""
     body = work.body
-    same_face = shown_face(work.grips["right"]) != work.opening.face
-    back = SPARE_M if same_face else 0.0
-    grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left", back)
     work.phase = "travel"
     X_grasp = work.sight.X_world_box @ grip.X_box_palm
-    q_grasp = work.posture("left", X_grasp)
+    touching = (("left_hand", "held"), ("left_hand", "right_hand"))
+    q_grasp = work.posture("left", X_grasp, work.collision(touching) if work.sight.obstacles else None)
     if q_grasp is None:
-        raise TaskFailed("unreachable: the left hand's grasp at the free end")
+        raise work.no_way("the left hand's grasp at the free end")
     q_start = work.posture("left", back_off(X_grasp, PREGRASP_M), near=q_grasp)
     if q_start is None:
-        raise TaskFailed("unreachable: the left hand's pre-grasp")
+        raise work.no_way("the left hand's pre-grasp")
     yield from lead_fingers(body, "left", grip.preshape)
     yield from work.travel("left", q_start)
     body.prefer_posture("left", q_grasp)
@@ -72,6 +97,17 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     carrier.stop()
     work.phase = "settle"
     yield from carried(work, carrier, settle(work, grip, carrier))
+
+
+def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
+    """Bring the left hand to the free end cap, close it, open the right hand and draw it back."""
+    if work.opening is None:
+        raise TaskFailed("unseen: the opening area is not known")
+    body = work.body
+    same_face = shown_face(work.grips["right"]) != work.opening.face
+    back = SPARE_M if same_face else 0.0
+    grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left", back)
+    yield from reach_end(work, guide, grip)
     work.phase = "lay on"
     yield from lead_palm(body, "left", work.sight.X_world_box @ grip.X_box_palm, speed=0.02)
     work.phase = "close"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -11,8 +12,9 @@ from preshape.control.body import Body
 from preshape.control.carrier import CarryOptions
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip
+from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
-from preshape.control.motions import Motion, follow_arms, gentle_seconds
+from preshape.control.motions import Motion, follow_arms, gentle_seconds, wait
 from preshape.control.sight import Sight
 from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
@@ -21,13 +23,21 @@ from preshape.hal.world import NominalBox, Opening, OrientedBox, TextureLibrary,
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.arm_kinematics import palm_pose
-from preshape.planner.arm_path import PathQuery, PathStatus, plan_path
+from preshape.planner.arm_path import ALLOWED_DIP, PathQuery, PathStatus, plan_path
 from preshape.planner.arm_reach import ReachQuery, ReachStatus, reach
 
 CARRY_MARGIN_M = 0.035
 """Clearance that paths keep while a box is held: its edges stick out of the held box's coarse shape, m."""
 PATH_MARGIN_M = 0.020
 """Clearance that paths keep otherwise, m."""
+PATHS = 4
+"""How many paths are tried while obstacles appear on them."""
+SPREAD_M = 0.015
+"""How much larger obstacles are taken for paths: corners of the palms and the held box stick out of their shapes, m."""
+BRAKE_S = 0.4
+"""Time in which an arm that is asked to stop is at rest, s."""
+MOVED_M = 0.005
+"""An obstacle that is seen this far from where it was has moved, m."""
 CARRY_ACCELERATION = 0.3
 """Largest acceleration of a held box's centre and ends while it is carried, m/s^2: more makes it slide in the grip."""
 CARRY_TURN_SPEED = 0.45
@@ -49,6 +59,7 @@ class Work:
     body: Body
     sight: Sight
     hands: dict[Side, Hand]
+    guard: ObstacleGuard
     carry: CarryOptions
     opening: Opening | None = None
     grips: dict[Side, Grip] = field(default_factory=dict)
@@ -61,7 +72,7 @@ class Work:
     def collision(self, exempt: tuple[tuple[str, str], ...] = (), held: HeldBox | None = None) -> ArmCollision:
         """Return the coarse model of this moment: hands as they are, the box held (or as `held` says) or standing."""
         held = held or self._held()
-        obstacles: list[OrientedBox] = list(self.sight.obstacles)
+        obstacles = [OrientedBox(seen.name, seen.X_world_box, seen.half + SPREAD_M) for seen in self.sight.obstacles]
         if held is None and self.sight.estimate is not None:
             obstacles.append(OrientedBox("box", self.sight.X_world_box, self.box.size / 2))
         q_hands: dict[Side, Vector] = {side: self.body.asked_fingers(side) for side in SIDES}
@@ -84,30 +95,65 @@ class Work:
         return found.q if found.status is ReachStatus.REACHABLE else None
 
     def travel(self, side: Side, q: Vector, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()) -> Motion:
-        """Bring one arm to joint angles (7) on a path free of coarse collisions; `TaskFailed` if there is none."""
+        """Bring one arm to joint angles (7) on a path free of coarse collisions; `TaskFailed` if there is none.
+
+        An obstacle that appears on the way stops the arm, and it goes on by another path.
+        """
+        for _ in range(PATHS):
+            waypoints = self._path(side, q, exempt)
+            self.body.prefer_posture(side, q)
+            arrived = yield from self._follow(side, waypoints, speed, exempt)
+            if arrived:
+                return
+            self.notes.append(f"task {self.task} ({self.phase}): an obstacle in the {side} arm's way: another path")
+            yield from wait(self.body, BRAKE_S)
+        raise TaskFailed(f"stalled: the {side} arm has met obstacles on {PATHS} paths")
+
+    def _path(self, side: Side, q: Vector, exempt: tuple[tuple[str, str], ...]) -> Matrix:
+        """Return way-points (n, 14) from where both arms are asked to be to a posture (7) of one."""
         goal = self.body.asked_arms()
         start = goal.copy()
-        own = slice(SIDES.index(side) * ARM_DOF, (SIDES.index(side) + 1) * ARM_DOF)
-        goal[own] = q
+        goal[_own(side)] = q
         margin = PATH_MARGIN_M if self.sight.held_by is None else CARRY_MARGIN_M
         path = plan_path(self.collision(exempt), start, goal, PathQuery(margin_m=margin))
         if path.status is not PathStatus.FOUND:
-            bodies = " ".join(path.bodies)
-            raise TaskFailed(f"unreachable: no path for the {side} arm ({path.status.name.lower()} {bodies})".rstrip())
-        self.body.prefer_posture(side, q)
-        yield from follow_arms(self.body, path.waypoints, speed, self._gentle(side, path.waypoints))
+            bodies = " ".join((path.status.name.lower(), *path.bodies)).rstrip()
+            raise self.no_way(f"no path for the {side} arm ({bodies})")
+        return path.waypoints
+
+    def _follow(
+        self, side: Side, waypoints: Matrix, speed: float, exempt: tuple[tuple[str, str], ...]
+    ) -> Generator[None, None, bool]:
+        """Follow way-points (n, 14); return False, the arms asked to stop, when what has appeared lies on the rest."""
+        gentle = self._gentle(side, waypoints)
+        seen = self.sight.obstacles
+        for leg in range(len(waypoints) - 1):
+            least_s = None if gentle is None else gentle[leg : leg + 1]
+            for _ in follow_arms(self.body, waypoints[leg : leg + 2], speed, least_s):
+                yield
+                if has_changed(seen, self.sight.obstacles):
+                    seen = self.sight.obstacles
+                    rest = np.vstack([self.body.asked_arms(), waypoints[leg + 1 :]])
+                    if not self._keeps_clear(rest, exempt):
+                        return False
+        return True
+
+    def _keeps_clear(self, waypoints: Matrix, exempt: tuple[tuple[str, str], ...]) -> bool:
+        """Tell whether way-points (n, 14) keep half a path's margin from everything, or what their start has of it."""
+        model = self.collision(exempt)
+        margin = min(PATH_MARGIN_M / 2, model.clearance(waypoints[0]).distance - ALLOWED_DIP)
+        return all(model.edge_free(a, b, margin) for a, b in pairwise(waypoints))
 
     def _gentle(self, side: Side, waypoints: Matrix) -> list[float] | None:
         """Return the least time of each leg that spares the grip of a box in this hand; None when it holds none."""
         held = self._held()
         if held is None or held.side != side:
             return None
-        own = slice(SIDES.index(side) * ARM_DOF, (SIDES.index(side) + 1) * ARM_DOF)
         half = np.abs(self.box.size / 2 * np.eye(3)[self.box.long_axis])
         ends = [held.X_palm_box @ transform(p) for p in (-half, np.zeros(3), half)]
         base = self.cell.X_world_base[side]
         times: list[float] = []
-        for a, b in zip(waypoints[:-1, own], waypoints[1:, own], strict=True):
+        for a, b in pairwise(waypoints[:, _own(side)]):
             palms = [palm_pose(side, base, a + u * (b - a)) for u in np.linspace(0.0, 1.0, 41)]
             points = np.array([[(X @ end)[:3, 3] for end in ends] for X in palms])
             turn = float(sum(np.linalg.norm(log_so3(A[:3, :3].T @ B[:3, :3])) for A, B in pairwise(palms)))
@@ -120,10 +166,30 @@ class Work:
         """Bring one palm to a pose over a free joint path."""
         q = self.posture(side, X_world_palm, self.collision(exempt))
         if q is None:
-            raise TaskFailed(f"unreachable: the {side} palm at {np.round(X_world_palm[:3, 3], 3).tolist()} m")
+            raise self.no_way(f"the {side} palm at {np.round(X_world_palm[:3, 3], 3).tolist()} m")
         yield from self.travel(side, q, speed, exempt)
+
+    def no_way(self, what: str) -> TaskFailed:
+        """Return the failure of what is out of reach: stalled where obstacles are seen, which may be why."""
+        names = " ".join(obstacle.name for obstacle in self.sight.obstacles)
+        return TaskFailed(f"stalled: {what}, with {names} in the way" if names else f"unreachable: {what}")
 
     def limits(self, side: Side) -> tuple[Vector, Vector]:
         """Return the joint limits (13) of a hand, rad."""
         hand = LAYOUT.hand(side)
         return LAYOUT.lower[hand], LAYOUT.upper[hand]
+
+
+def _own(side: Side) -> slice:
+    """Return the slice of one arm's joints in (14,)."""
+    return slice(SIDES.index(side) * ARM_DOF, (SIDES.index(side) + 1) * ARM_DOF)
+
+
+def has_changed(before: Sequence[OrientedBox], now: Sequence[OrientedBox]) -> bool:
+    """Tell whether obstacles have come, gone or moved."""
+    if len(before) != len(now):
+        return True
+    return any(
+        a.name != b.name or float(np.abs(a.X_world_box[:3, 3] - b.X_world_box[:3, 3]).max()) > MOVED_M
+        for a, b in zip(before, now, strict=True)
+    )

@@ -65,6 +65,16 @@ class Layout:
         start = self.hand(side).start
         return slice(start + local.start, start + local.stop)
 
+    def part(self, name: str) -> slice:
+        """Return the slice of a joint, or of a finger (`right_thumb`), by its name; `KeyError` names the valid ones."""
+        fingers = {f"{side}_{finger}": (side, finger) for side in SIDES for finger in sah_hand.FINGERS}
+        if name in fingers:
+            return self.finger(*fingers[name])
+        if name not in self.names:
+            raise KeyError(f"part {name!r} is none of {', '.join((*fingers, *self.names))}")
+        index = self.names.index(name)
+        return slice(index, index + 1)
+
     def index(self, name: str) -> int:
         """Return the index of a joint by its name; `KeyError` names the valid ones."""
         if name not in self.names:

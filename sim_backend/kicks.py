@@ -7,9 +7,6 @@ import numpy as np
 from preshape.sim_backend.referee import Referee
 from preshape.sim_backend.simulation import Simulation
 
-DELAY_S = (0.05, 0.40)
-"""A task's kick comes this long after the box is held in that task, drawn uniformly, s."""
-
 
 class KickSchedule:
     """Kicks the box of a simulation as its scenario asks: force, duration, tasks; direction and delay drawn per seed.
@@ -23,7 +20,7 @@ class KickSchedule:
         rng = np.random.default_rng((0x51CC, simulation.scenario.seed))
         directions = rng.standard_normal((6, 3))
         self._forces = section.kick_force_n * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        self._delays = rng.uniform(*DELAY_S, 6)
+        self._delays = rng.uniform(*section.kick_delay_s, 6)
         self._duration_s = section.kick_duration_s
         self._pending = sorted(set(section.kick_tasks)) if section.kick_force_n > 0.0 else []
         self._held_since: float | None = None

@@ -68,11 +68,15 @@ class TableSection(Section, frozen=True):
 
 
 class ObstacleSection(Section, frozen=True):
-    """A box in the way: there from `appears_s` on, moving with a constant velocity from then."""
+    """A box in the way: there from `appears_s` on, moving with a constant velocity from then.
+
+    `origin` is what its place counts from: the world's origin, or the table under the middle of the box.
+    """
 
     name: str
     size_m: tuple[Length, Length, Length]
     position_m: Point
+    origin: Literal["world", "box"] = "world"
     yaw_deg: float = 0.0
     appears_s: NonNegative = 0.0
     velocity_m_per_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -111,16 +115,36 @@ class PerceptionSection(Section, frozen=True):
     startup_s: NonNegative = 0.0
 
 
+class FrozenSection(Section, frozen=True):
+    """Torque sensors that repeat their last value with fresh stamps from `from_s` on, s since the start.
+
+    `part` is a joint, or a finger for all of its joints: `right_thumb`, `left_fore_pip`, `right_arm_4`.
+    """
+
+    part: str
+    from_s: NonNegative = 0.0
+
+
 class DisturbanceSection(Section, frozen=True):
-    """Kicks at the held box's centre: `force_n` in a drawn direction for `duration_s`, once in each task listed."""
+    """What goes wrong: kicks, and torque sensors that freeze.
+
+    A kick pushes at the held box's centre with `force_n` in a drawn direction for `duration_s`, once in each task
+    listed; `kick_delay_s` after the box is held in that task, drawn from the range.
+    """
 
     kick_force_n: NonNegative = 0.0
     kick_duration_s: NonNegative = 0.1
+    kick_delay_s: Range = (0.05, 0.40)
     kick_tasks: tuple[Annotated[int, msgspec.Meta(ge=1, le=5)], ...] = ()
+    frozen: tuple[FrozenSection, ...] = ()
 
 
 class DrawSection(Section, frozen=True):
-    """What a seed draws: uniform in +- or in ranges; an absent field keeps the value of its table."""
+    """What a seed draws: uniform in +- or in ranges; an absent field keeps the value of its table.
+
+    `obstacle_m` and `appears_s` are drawn for every obstacle; `frozen_parts` draws one more part whose torque sensors
+    freeze, from a time in `frozen_from_s` on.
+    """
 
     position_m: NonNegative = 0.0
     yaw_deg: NonNegative = 0.0
@@ -129,6 +153,10 @@ class DrawSection(Section, frozen=True):
     mass_kg: Range | None = None
     faces: tuple[Face, ...] | None = None
     edges: bool = False
+    obstacle_m: NonNegative = 0.0
+    appears_s: Range | None = None
+    frozen_parts: tuple[str, ...] = ()
+    frozen_from_s: Range = (0.0, 60.0)
 
 
 class Scenario(Section, frozen=True):
@@ -159,12 +187,13 @@ class Scenario(Section, frozen=True):
         edge = same_side_edge(box.size_m, opening.face, opening.edge, face)
         if draw.edges:
             edge = edges_of(box.size_m, face)[int(u_edge * 2)]
+        x, y = box.position_m[0] + float(dx), box.position_m[1] + float(dy)
         return msgspec.structs.replace(
             self,
             seed=seed,
             box=msgspec.structs.replace(
                 box,
-                position_m=(box.position_m[0] + float(dx), box.position_m[1] + float(dy)),
+                position_m=(x, y),
                 yaw_deg=float(yaw),
                 friction=float(_within(draw.friction, u_friction, box.friction)),
                 mass_kg=float(_within(draw.mass_kg, u_mass, box.mass_kg)),
@@ -172,8 +201,31 @@ class Scenario(Section, frozen=True):
             opening=msgspec.structs.replace(
                 opening, face=face, edge=edge, offset_m=opening.offset_m + float((2 * u_offset - 1) * draw.offset_m)
             ),
+            obstacles=tuple(_drawn_obstacle(obstacle, draw, (x, y), rng) for obstacle in self.obstacles),
+            disturbances=_drawn_disturbances(self.disturbances, draw, rng),
             draw=DrawSection(),
         )
+
+
+def _drawn_obstacle(
+    obstacle: ObstacleSection, draw: DrawSection, box_m: tuple[float, float], rng: np.random.Generator
+) -> ObstacleSection:
+    """Return an obstacle with its place in the world and its time fixed."""
+    place = np.array(obstacle.position_m) + rng.uniform(-1.0, 1.0, 3) * draw.obstacle_m
+    if obstacle.origin == "box":
+        place[:2] += box_m
+    x, y, z = place.tolist()
+    appears_s = float(_within(draw.appears_s, rng.uniform(), obstacle.appears_s))
+    return msgspec.structs.replace(obstacle, position_m=(x, y, z), origin="world", appears_s=appears_s)
+
+
+def _drawn_disturbances(section: DisturbanceSection, draw: DrawSection, rng: np.random.Generator) -> DisturbanceSection:
+    """Return the disturbances with the drawn frozen part added."""
+    if not draw.frozen_parts:
+        return section
+    part = draw.frozen_parts[int(rng.integers(len(draw.frozen_parts)))]
+    frozen = FrozenSection(part=part, from_s=float(rng.uniform(*draw.frozen_from_s)))
+    return msgspec.structs.replace(section, frozen=(*section.frozen, frozen))
 
 
 def edges_of(size_m: tuple[float, float, float], face: Face) -> tuple[Face, Face]:

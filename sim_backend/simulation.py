@@ -17,6 +17,7 @@ from preshape.sim_backend.moving_obstacles import MovingObstacles
 from preshape.sim_backend.robot_model import joint_addresses
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import TIMESTEP_S, build_scene
+from preshape.sim_backend.sensor_faults import SensorFaults
 from preshape.sim_backend.tearing import Tearing
 
 STEP_NS = round(TIMESTEP_S * 1e9)
@@ -62,6 +63,7 @@ class Simulation:
         self.drives = JointDrives(self.model, self.data)
         self.drives.hold(self.data.ctrl.copy(), LAYOUT.torque)
         self.joint_sensors = JointSensors(self.model, self.data, scenario.seed)
+        self._faults = SensorFaults(self.joint_sensors, scenario.disturbances.frozen)
         self.tearing = Tearing(self.model, scenario) if _has_lid(self.model) else None
 
     @property
@@ -106,6 +108,7 @@ class Simulation:
         if self.tearing is not None:
             self.tearing.update(self.data)
         self.joint_sensors.update()
+        self._faults.look(self.seconds)
         for hook in self.after_step:
             hook(time_ns)
         if self._kick_steps:

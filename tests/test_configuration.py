@@ -14,6 +14,7 @@ from preshape.tools.configuration import load_scenario, shipped_scenarios
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.feasibility import impossibility
 
+OBSTACLE = "[[obstacles]]\nname = 'a'\nsize_m = [0.1, 0.1, 0.1]\nposition_m = [0, 0, 0.5]\n"
 BAD_FIELDS = [
     ("[box]\nfricton = 0.5", "box.fricton", "unknown key", "friction"),
     ("colour = 1", "colour", "unknown key", "opening"),
@@ -45,6 +46,15 @@ BAD_FIELDS = [
     ("[table]\nx_m = [0.9, 0.1]", "table.x_m", "[0.9, 0.1]", "low <= high"),
     ("[box]\nposition_m = [0.5, 0.7]", "box.position_m[1]", "0.7", "-0.6 .. 0.6"),
     ("[box]\ncenter_of_mass_m = [0, 0, 0.2]", "box.center_of_mass_m[2]", "0.2", "-0.1 .. 0.1"),
+    ("[[disturbances.frozen]]\npart = 'right_toe'", "disturbances.frozen[0].part", "'right_toe'", "right_thumb"),
+    ("[[disturbances.frozen]]\nfrom_s = 1.0", "disturbances.frozen[0].part", "missing", ""),
+    ("[draw]\nfrozen_parts = ['thumb']", "draw.frozen_parts[0]", "'thumb'", "left_ring"),
+    ("[draw]\nfrozen_from_s = [3.0, 1.0]", "draw.frozen_from_s", "[3, 1]", "0 <= low <= high"),
+    ("[draw]\nappears_s = [-1.0, 1.0]", "draw.appears_s", "[-1, 1]", "0 <= low <= high"),
+    ("[disturbances]\nkick_delay_s = [0.5, 0.1]", "disturbances.kick_delay_s", "[0.5, 0.1]", "0 <= low <= high"),
+    ("[disturbances]\nkick_tasks = [6]", "disturbances.kick_tasks[0]", "6", ">= 1 and <= 5"),
+    (OBSTACLE + "origin = 'hand'", "obstacles[0].origin", "'hand'", "one of box, world"),
+    (OBSTACLE + "velocity_m_per_s = [0.1, 0.0]", "obstacles[0].velocity_m_per_s", "[0.1, 0.0]", "3 values"),
     ("[camera]\nlook_at_m = [0.05, 0.0, 0.1]", "camera.look_at_m", "[0.05, 0.0, 0.1]", "not straight"),
 ]
 
@@ -96,6 +106,26 @@ def test_an_override_sets_a_field_and_drops_what_would_draw_over_it() -> None:
         assert drawn.opening.face == "-x"
     kept = load_scenario("tea_box", ("box.friction=0.4", "draw.friction=[0.7, 0.8]"))
     assert 0.7 <= kept.drawn(0).box.friction <= 0.8
+
+
+def test_a_seed_draws_obstacles_and_frozen_sensors_and_what_it_drew_before_stays(tmp_path: Path) -> None:
+    file = tmp_path / "faulty.toml"
+    file.write_text(
+        "name = 'faulty'\n" + OBSTACLE + "origin = 'box'\n[draw]\nposition_m = 0.05\nobstacle_m = 0.02\n"
+        "appears_s = [1.0, 2.0]\nfrozen_parts = ['left_fore', 'right_thumb_pip']\nfrozen_from_s = [3.0, 5.0]\n"
+    )
+    scenario = load_scenario(str(file))
+    parts: set[str] = set()
+    for seed in range(30):
+        drawn, plain = scenario.drawn(seed), load_scenario("tea_box").drawn(seed)
+        assert drawn.box.position_m == plain.box.position_m
+        (obstacle,), (frozen,) = drawn.obstacles, drawn.disturbances.frozen
+        place = [obstacle.position_m[k] - (*drawn.box.position_m, 0.5)[k] for k in range(3)]
+        assert max(map(abs, place)) <= 0.02 and obstacle.origin == "world"
+        assert 1.0 <= obstacle.appears_s <= 2.0 and 3.0 <= frozen.from_s <= 5.0
+        assert drawn.drawn(seed + 1).obstacles == drawn.obstacles, "what is drawn is drawn once"
+        parts.add(frozen.part)
+    assert parts == {"left_fore", "right_thumb_pip"}
 
 
 @pytest.mark.parametrize(

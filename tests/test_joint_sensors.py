@@ -10,7 +10,7 @@ from preshape.hal import sah_hand
 from preshape.hal.layout import LAYOUT
 from preshape.sim_backend.joint_sensors import ARM_POSITION_RESOLUTION
 from preshape.sim_backend.robot_model import joint_addresses
-from preshape.sim_backend.scenario import Scenario
+from preshape.sim_backend.scenario import DisturbanceSection, FrozenSection, Scenario
 from preshape.sim_backend.simulation import Simulation, home_position
 
 ARM, HAND = LAYOUT.arm("right"), LAYOUT.hand("right")
@@ -95,3 +95,19 @@ def test_a_frozen_torque_sensor_repeats_its_last_value_until_mended(simulation: 
     simulation.joint_sensors.mend_torque(finger)
     simulation.step()
     assert (simulation.joint_sensors.read()[2][finger] != before[2][finger]).any()
+
+
+def test_sensors_freeze_when_the_scenario_says_so_and_not_before() -> None:
+    faults = DisturbanceSection(
+        frozen=(FrozenSection(part="right_thumb", from_s=0.05), FrozenSection(part="left_arm_2"))
+    )
+    simulation = Simulation(Scenario(name="frozen", disturbances=faults).drawn(0))
+    thumb, shoulder = LAYOUT.finger("right", "thumb"), LAYOUT.part("left_arm_2")
+    seen: list[np.ndarray] = []
+    for _ in range(100):
+        simulation.step()
+        seen.append(simulation.joint_sensors.read()[2].copy())
+    changes = np.array(seen[1:]) != np.array(seen[:-1])
+    assert not changes[50:, thumb].any() and not changes[:, shoulder].any()
+    assert changes[:48, thumb].any(axis=0).all()
+    assert changes[:, LAYOUT.finger("right", "fore")].any(axis=0).all()

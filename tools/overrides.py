@@ -17,6 +17,7 @@ DRAWN_BY: Mapping[str, tuple[str, ...]] = {
     "opening.offset_m": ("offset_m",),
     "opening.face": ("faces",),
     "opening.edge": ("edges",),
+    "disturbances.frozen": ("frozen_parts",),
 }
 """Field -> the draws that would change it: they are dropped when it is set, unless they are set, too."""
 

@@ -8,6 +8,8 @@ from math import isfinite
 
 import msgspec
 
+from preshape.hal.layout import LAYOUT, SIDES
+from preshape.hal.sah_hand import FINGERS
 from preshape.hal.world import FACES, Face
 from preshape.sim_backend.scenario import Range, Scenario, edges_of
 
@@ -16,7 +18,7 @@ _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 def first_objection(scenario: Scenario) -> str:
     """Return the first contradiction as `field: got ..., allowed is ...`; empty if there is none."""
-    for check in (_not_finite, _name, _shape, _faces, _edge, _tab, _ranges, _mass, _place, _camera, _obstacles):
+    for check in _CHECKS:
         for objection in check(scenario):
             return objection
     return ""
@@ -141,3 +143,41 @@ def _obstacles(scenario: Scenario) -> Iterator[str]:
             yield f"obstacles[{index}].name: got {name!r}, allowed are letters, digits, '_', '.' and '-'"
         if name in names[:index]:
             yield f"obstacles[{index}].name: got {name!r} again, allowed is a name of its own"
+
+
+def _frozen(scenario: Scenario) -> Iterator[str]:
+    named = {f"disturbances.frozen[{i}].part": frozen.part for i, frozen in enumerate(scenario.disturbances.frozen)}
+    named |= {f"draw.frozen_parts[{i}]": part for i, part in enumerate(scenario.draw.frozen_parts)}
+    fingers = [f"{side}_{finger}" for side in SIDES for finger in FINGERS]
+    for path, part in named.items():
+        if part not in fingers and part not in LAYOUT.names:
+            known = f"a finger ({', '.join(fingers)}) or a joint ({LAYOUT.names[0]}, ...)"
+            yield f"{path}: got {part!r}, allowed are {known}"
+
+
+def _times(scenario: Scenario) -> Iterator[str]:
+    ranges: dict[str, Range | None] = {
+        "draw.appears_s": scenario.draw.appears_s,
+        "draw.frozen_from_s": scenario.draw.frozen_from_s,
+        "disturbances.kick_delay_s": scenario.disturbances.kick_delay_s,
+    }
+    for path, bounds in ranges.items():
+        if bounds is not None and not 0.0 <= bounds[0] <= bounds[1]:
+            yield f"{path}: got [{bounds[0]:g}, {bounds[1]:g}], allowed is [low, high] with 0 <= low <= high"
+
+
+_CHECKS = (
+    _not_finite,
+    _name,
+    _shape,
+    _faces,
+    _edge,
+    _tab,
+    _ranges,
+    _mass,
+    _place,
+    _camera,
+    _obstacles,
+    _frozen,
+    _times,
+)
