@@ -67,9 +67,9 @@ class Layout:
 
     def part(self, name: str) -> slice:
         """Return the slice of a joint, or of a finger (`right_thumb`), by its name; `KeyError` names the valid ones."""
-        fingers = {f"{side}_{finger}": (side, finger) for side in SIDES for finger in sah_hand.FINGERS}
+        fingers = {f"{side}_{finger}": self.finger(side, finger) for side in SIDES for finger in sah_hand.FINGERS}
         if name in fingers:
-            return self.finger(*fingers[name])
+            return fingers[name]
         if name not in self.names:
             raise KeyError(f"part {name!r} is none of {', '.join((*fingers, *self.names))}")
         index = self.names.index(name)
