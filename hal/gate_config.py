@@ -70,6 +70,20 @@ class GateConfig:
         if self.hold_torque_ratio > 1.0:
             raise ValueError(f"hold_torque_ratio: got {self.hold_torque_ratio}, allowed is 0 .. 1")
 
+    @classmethod
+    def at_rate(cls, rate_hz: float) -> GateConfig:
+        """Return the defaults at a rate: below 500 Hz samples may be as many ticks old as there, not as old."""
+        usual = cls()
+        stretch = max(1.0, 1.0 / (rate_hz * usual.period_s))
+        return cls(
+            period_s=1.0 / rate_hz,
+            warn_age_s=stretch * usual.warn_age_s,
+            freeze_age_s=stretch * usual.freeze_age_s,
+            hold_age_s=stretch * usual.hold_age_s,
+            stop_age_s=stretch * usual.stop_age_s,
+            watchdog_s=stretch * usual.watchdog_s,
+        )
+
     def tier(self, age_ns: int) -> AgeTier:
         """Return the tier of a sample's age."""
         age_s = age_ns * 1e-9

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from preshape.hal.device import Device
 from preshape.hal.state import Vector
-from preshape.sim_backend.device import MujocoDevice
+from preshape.sim_backend.device import COMMAND_PERIOD_S, MujocoDevice
 from preshape.sim_backend.kicks import KickSchedule
 from preshape.sim_backend.plant import Plant
 from preshape.sim_backend.referee import Referee
@@ -38,20 +39,23 @@ class LockstepWorld:
     """Everything around one lockstep run; only `device`, `clock` and `perception` are the controller's."""
 
     simulation: Simulation
-    device: MujocoDevice
+    device: Device
     clock: SimClock
     perception: SceneSensors
     referee: Referee
     kicks: KickSchedule
 
 
-def open_lockstep(scenario: Scenario, home: Vector | None = None) -> LockstepWorld:
-    """Return the world of a drawn scenario at time 0, watched by the referee from the first step on."""
+def open_lockstep(scenario: Scenario, home: Vector | None = None, period_s: float = COMMAND_PERIOD_S) -> LockstepWorld:
+    """Return the world of a drawn scenario at time 0, watched by the referee from the first step on.
+
+    `period_s` is the time between two commands.
+    """
     simulation = Simulation(scenario, home=home)
     referee = Referee(simulation)
     return LockstepWorld(
         simulation,
-        MujocoDevice(simulation),
+        MujocoDevice(simulation, period_s),
         SimClock(simulation),
         attach_sensors(simulation),
         referee,

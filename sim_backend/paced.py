@@ -18,7 +18,7 @@ from preshape.hal.layout import LAYOUT
 from preshape.hal.state import DeviceStatus, RobotCommand, RobotState, Vector
 from preshape.hal.transform import Matrix
 from preshape.hal.world import Face, Image, OrientedBox, PoseSample
-from preshape.sim_backend.device import WATCHDOG_CYCLES, is_finite
+from preshape.sim_backend.device import COMMAND_PERIOD_S, WATCHDOG_CYCLES, is_finite
 from preshape.sim_backend.paced_camera import run_camera
 from preshape.sim_backend.paced_layout import (
     COMMAND,
@@ -203,8 +203,12 @@ class PacedReferee:
 class PacedWorld:
     """Both processes of a paced run. A context manager: `finish` inside it for the verdict; leaving ends them."""
 
-    def __init__(self, scenario: Scenario, watchdog_cycles: int = WATCHDOG_CYCLES) -> None:
+    def __init__(
+        self, scenario: Scenario, watchdog_cycles: int = WATCHDOG_CYCLES, period_s: float = COMMAND_PERIOD_S
+    ) -> None:
         """Start the physics and the camera of a drawn scenario and wait until both are ready.
+
+        `period_s` is the time between two commands.
 
         Raises:
             DeviceUnreachable: a process did not come up.
@@ -225,7 +229,7 @@ class PacedWorld:
             self._children.append(child)
             return _Line(here, child)
 
-        self._physics = start("physics", run_physics, (watchdog_cycles,), (state, command))
+        self._physics = start("physics", run_physics, (watchdog_cycles, period_s), (state, command))
         self._camera = start("camera", run_camera, (), (state, pixels))
         try:
             self._physics.expect_ready()

@@ -43,6 +43,7 @@ PRIORITY = 20
 def run_physics(
     scenario: Scenario,
     watchdog_cycles: int,
+    period_s: float,
     requests: Connection,
     state_memory: ctypes.Array[ctypes.c_char],
     command_memory: ctypes.Array[ctypes.c_char],
@@ -50,7 +51,7 @@ def run_physics(
     """Run until `Finish`, or until the other end of `requests` is gone."""
     # Ctrl-C reaches every process of a terminal: how the run ends is the controller's to say.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    physics = _PacedPhysics(scenario, watchdog_cycles, requests, state_memory, command_memory)
+    physics = _PacedPhysics(scenario, watchdog_cycles, period_s, requests, state_memory, command_memory)
     gc.collect()
     gc.freeze()
     with suppress(PermissionError):
@@ -65,6 +66,7 @@ class _PacedPhysics:
         self,
         scenario: Scenario,
         watchdog_cycles: int,
+        period_s: float,
         requests: Connection,
         state_memory: ctypes.Array[ctypes.c_char],
         command_memory: ctypes.Array[ctypes.c_char],
@@ -73,7 +75,7 @@ class _PacedPhysics:
         self._referee = Referee(self._simulation)
         self._sensors = attach_sensors(self._simulation)
         self._kicks = KickSchedule(self._simulation, self._referee)
-        self._device = MujocoDevice(self._simulation, watchdog_cycles=watchdog_cycles)
+        self._device = MujocoDevice(self._simulation, period_s, watchdog_cycles)
         self._requests = requests
         self._state = SharedBlock(state_memory, state_record(self._simulation.model))
         self._command = SharedBlock(command_memory, COMMAND)

@@ -56,9 +56,12 @@ def execute(options: Options) -> int:
     wanted = options.telemetry or options.telemetry_config is not None
     telemetry = load_telemetry(options.telemetry_config) if wanted else None
     directory = choose_directory(options.out, scenario.name, seed)
+    bus_log = directory / "can.log" if options.device == "can" and options.record else None
     with RunProgress() as progress:
-        result = run_session(scenario, seed, options, [progress.watch], telemetry)
+        result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log)
     files = write_run(result, directory)
+    if bus_log is not None and bus_log.exists():
+        files["bus log"] = bus_log
     print(summary(result.report))
     for name, file in files.items():
         print(f"{name + ':':<12}{file}")

@@ -73,7 +73,7 @@ def execute(options: Options) -> int:
     from preshape.tools.sweep_tables import Progress, print_sweep, results_console
 
     cases = sweep_cases(options)
-    jobs = options.jobs or (1 if options.paced else -1)
+    jobs = options.jobs or (1 if options.in_real_time else -1)
     done: list[RunOutcome] = []
     with Progress(len(cases)) as progress:
 

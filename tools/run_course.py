@@ -46,7 +46,7 @@ def run_report(
         schema=SCHEMA,
         version=__version__,
         device=options.device,
-        paced=options.paced,
+        paced=options.in_real_time,
         seed=drawn.seed,
         scenario=drawn,
         success=verdict.success,

@@ -7,7 +7,8 @@ from typing import Literal
 
 from preshape.tools.configuration_error import ConfigurationError
 
-DeviceName = Literal["mujoco"]
+DeviceName = Literal["mujoco", "can"]
+ProfileName = Literal["fd", "classic"]
 FieldName = Literal["grouped", "summed"]
 TiesName = Literal["smooth", "hard"]
 NormName = Literal["l1", "l2"]
@@ -16,6 +17,10 @@ MOST_CARRY_SPEED, MOST_CARRY_TURN_DEG = 0.2, 57.0
 """Largest speeds of a box that moves while it is passed on, m/s and deg/s."""
 TASKS = 5
 """Tasks of the procedure."""
+RATES_HZ = (20, 25, 40, 50, 100, 125, 200, 250, 500, 1000)
+"""Rates whose period is a whole number of physics steps."""
+MOST_PATIENCE = 1000
+"""Largest number of cycles that modules and driver wait for each other."""
 LONGEST_S = 3600.0
 """Longest time limit, s."""
 
@@ -25,8 +30,16 @@ class RunOptions:
     """How a run is done.
 
     Attributes:
-        device: what the joints are: simulated in MuJoCo.
-        paced: in real time at 500 Hz, the physics in a process of its own; else in lockstep, as fast as it goes.
+        device: what the joints are: simulated in MuJoCo, or joint modules on CAN buses with MuJoCo behind them.
+        paced: in real time, the physics in a process of its own; else in lockstep, as fast as it goes.
+        rate_hz: ticks per second; a divisor of 1000.
+        interface: of the buses: virtual (lockstep), udp_multicast or socketcan (paced, and implying it); default:
+            virtual, udp_multicast when paced.
+        channel: of the buses, one for each; one socketcan channel alone carries all of them.
+        profile: frames of the buses: CAN FD, or classic CAN, which carries less.
+        patience_cycles: cycles without a command until a module stops by itself, and without an answer until a
+            module counts as lost.
+        attach: the modules and the scene are those of a running `preshape hand-bus`.
         field: minimum distance per group (the paper), or every bounding box by itself (its baseline).
         ties: smooth weights for nearly equal distances, or the paper's averaged tie set.
         norm: the distance between boxes.
@@ -45,6 +58,12 @@ class RunOptions:
 
     device: DeviceName = "mujoco"
     paced: bool = False
+    rate_hz: int = 500
+    interface: str = ""
+    channel: tuple[str, ...] = ()
+    profile: ProfileName = "fd"
+    patience_cycles: int = 5
+    attach: bool = False
     field: FieldName = "grouped"
     ties: TiesName = "smooth"
     norm: NormName = "l2"
@@ -58,6 +77,16 @@ class RunOptions:
     pictures: bool = True
 
     def __post_init__(self) -> None:
+        if self.rate_hz not in RATES_HZ:
+            raise ConfigurationError(f"--rate-hz: got {self.rate_hz}, allowed are {', '.join(map(str, RATES_HZ))}")
+        if not 1 <= self.patience_cycles <= MOST_PATIENCE:
+            raise ConfigurationError(f"--patience-cycles: got {self.patience_cycles}, allowed is 1 .. {MOST_PATIENCE}")
+        if self.device != "can":
+            self._refuse_bus_options()
+        elif self.interface == "virtual" and self.in_real_time:
+            raise ConfigurationError(
+                "--interface: got virtual with --paced or --attach, allowed is another, for it reaches no other process"
+            )
         for flag, value, most in (
             ("--carry-speed", self.carry_speed, MOST_CARRY_SPEED),
             ("--carry-turn-deg", self.carry_turn_deg, MOST_CARRY_TURN_DEG),
@@ -72,3 +101,14 @@ class RunOptions:
             raise ConfigurationError(f"--until-task: got {self.until_task}, allowed is 1 .. {TASKS}")
         if not 0.0 < self.time_limit_s <= LONGEST_S:
             raise ConfigurationError(f"--time-limit-s: got {self.time_limit_s:g}, allowed is > 0 and <= {LONGEST_S:g}")
+
+    @property
+    def in_real_time(self) -> bool:
+        """Whether the run goes by the machine's clock."""
+        return self.paced or self.attach or self.interface not in ("", "virtual")
+
+    def _refuse_bus_options(self) -> None:
+        given = {"--interface": self.interface, "--channel": self.channel, "--attach": self.attach}
+        for flag, value in given.items():
+            if value:
+                raise ConfigurationError(f"{flag}: got {value} with --device {self.device}, allowed with --device can")

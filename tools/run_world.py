@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from preshape.hal.clock import Clock
@@ -12,10 +13,13 @@ from preshape.hal.device import Device
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
 from preshape.hal.world import Opening, Perception
+from preshape.sim_backend.can_lockstep import open_can_lockstep
 from preshape.sim_backend.lockstep import LockstepWorld, open_lockstep
 from preshape.sim_backend.paced import PacedWorld
 from preshape.sim_backend.referee_report import Verdict
 from preshape.sim_backend.scenario import Scenario
+from preshape.tools.can_setup import can_setup
+from preshape.tools.run_options import RunOptions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,58 +56,84 @@ class RunWorld(Protocol):
         ...
 
 
-class _Lockstep:
+class LockstepRun:
     """`RunWorld` in this process."""
 
     def __init__(self, world: LockstepWorld) -> None:
+        """Take over a lockstep world, whatever its device."""
         self._world = world
         self.device: Device = world.device
         self.clock: Clock = world.clock
         self.perception: Perception = world.perception
 
     def report_opening(self, opening: Opening, X_world_box: Matrix) -> None:
+        """Tell the referee what has been found."""
         self._world.referee.report_opening(opening.face, opening.edge, opening.offset, X_world_box)
 
     def scene_positions(self) -> Vector:
+        """Return the scene's positions (nq,)."""
         return self._world.simulation.data.qpos
 
     def finish(self) -> Ended:
+        """Return the verdict."""
         world = self._world
         return Ended(world.referee.verdict(), world.simulation.seconds, kicks=tuple(world.kicks.given))
 
 
-class _Paced:
+class PacedRun:
     """`RunWorld` whose physics and camera are processes of their own."""
 
     def __init__(self, world: PacedWorld) -> None:
+        """Take over the processes of a paced world."""
         self._world = world
         self.device: Device = world.device
         self.clock: Clock = world.clock
         self.perception: Perception = world.perception
 
     def report_opening(self, opening: Opening, X_world_box: Matrix) -> None:
+        """Tell the referee what has been found."""
         self._world.referee.report_opening(opening.face, opening.edge, opening.offset, X_world_box)
 
     def scene_positions(self) -> Vector:
+        """Return the scene's positions (nq,) as last published."""
         return self._world.device.scene_positions
 
     def finish(self) -> Ended:
+        """End the processes and return the verdict."""
         ended = self._world.finish()
         return Ended(ended.verdict, ended.simulated_s, ended.slipped_s, ended.kicks)
 
 
 @contextmanager
-def open_world(drawn: Scenario, paced: bool) -> Generator[RunWorld]:
-    """Give the world of a drawn scenario with its device open; leaving ends it.
+def open_world(drawn: Scenario, options: RunOptions, bus_log: Path | None = None) -> Generator[RunWorld]:
+    """Give the world of a drawn scenario, as the options ask for it, with its device open; leaving ends it.
+
+    `bus_log` is the file that the frames of a CAN world's buses are written to.
 
     Raises:
-        DeviceUnreachable: a process of a paced world did not come up, or has died.
+        ConfigurationError: the buses asked for cannot be.
+        DeviceUnreachable: a bus or a process of the world did not come up, or has died.
     """
-    if not paced:
-        world = _Lockstep(open_lockstep(drawn))
-        world.device.open()
-        yield world
-        return
-    with PacedWorld(drawn) as processes:
-        processes.device.open()
-        yield _Paced(processes)
+    period_s = 1.0 / options.rate_hz
+    if options.device == "can":
+        with open_can_world(drawn, options, bus_log) as world:
+            yield world
+    elif options.in_real_time:
+        with PacedWorld(drawn, period_s=period_s) as processes:
+            processes.device.open()
+            yield PacedRun(processes)
+    else:
+        lockstep = open_lockstep(drawn, period_s=period_s)
+        lockstep.device.open()
+        yield LockstepRun(lockstep)
+
+
+@contextmanager
+def open_can_world(drawn: Scenario, options: RunOptions, bus_log: Path | None) -> Generator[RunWorld]:
+    """Give a world whose device drives joint modules on buses."""
+    setup = can_setup(options)
+    can_lockstep = open_can_lockstep(drawn, setup.config, setup.topology, bus_log)
+    try:
+        yield LockstepRun(can_lockstep.world)
+    finally:
+        can_lockstep.close()

@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Generator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import FrameType
 
 import numpy as np
@@ -21,6 +22,7 @@ from preshape.control.loop_result import LoopConfig, LoopResult
 from preshape.control.observer import Observer, Observers
 from preshape.hal.clock import Clock
 from preshape.hal.gate import SafetyGate
+from preshape.hal.gate_config import GateConfig
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock
 from preshape.sim_backend.scenario import Scenario
@@ -42,9 +44,10 @@ from preshape.tools.standby import await_start
 from preshape.tools.telemetry import Telemetry
 from preshape.tools.telemetry_config import TelemetryConfig
 
-RATE_HZ = 500.0
 EMPTY_TICKS = 500
 """Ticks of the empty loop that a paced run is measured beside."""
+PATIENT_SHARE = 0.7
+"""Share of a period that a tick in real time waits for its step before it holds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,9 +72,11 @@ def run_session(
     options: RunOptions | None = None,
     observers: Sequence[Observer] = (),
     telemetry: TelemetryConfig | None = None,
+    bus_log: Path | None = None,
 ) -> RunResult:
-    """Carry out the procedure in the world that `seed` draws from a scenario; nothing is written to disk.
+    """Carry out the procedure in the world that `seed` draws from a scenario.
 
+    Nothing is written to disk but the frames of a CAN world's buses, to the file `bus_log` if there is one.
     `observers` are told of every tick besides those that the options ask for; with `telemetry` the run goes out over
     Zenoh, and a stop that is asked for there is obeyed. What nobody could do is a failure before anything moves. An
     exception of the controller is a failure with its text; the loop has stopped the device then.
@@ -84,7 +89,8 @@ def run_session(
     evidence = Evidence()
     watching = Observers(observers)
     cause = impossibility(workcell(drawn), nominal_box(drawn), initial_box_pose(drawn))
-    with _telemetry(telemetry, drawn, options) as live, open_world(drawn, options.paced and cause is None) as world:
+    asked = options if cause is None else RunOptions()
+    with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log) as world:
         if live is not None and live.waits_for_start:
             options = await_start(live.orders, options)
         course = _prepare(world, drawn, options, watching)
@@ -97,7 +103,7 @@ def run_session(
                 watching.add(evidence.keep_records(workcell(drawn), nominal_box(drawn)))
             if options.pictures:
                 watching.add(evidence.keep_pictures(world.scene_positions))
-            _run(course, world.clock, options.paced)
+            _run(course, world.clock, options.in_real_time)
         finished = world.finish()
         if live is not None and live.note:
             course.controller.work.notes.append(live.note)
@@ -116,7 +122,7 @@ def _telemetry(
 ) -> AbstractContextManager[Telemetry | None]:
     if config is None:
         return nullcontext()
-    return Telemetry(config, options.device, options.paced, RATE_HZ, workcell(drawn).X_world_base)
+    return Telemetry(config, options.device, options.in_real_time, float(options.rate_hz), workcell(drawn).X_world_base)
 
 
 def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpening:
@@ -126,7 +132,7 @@ def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpe
         nominal_box(drawn),
         texture_library(opening.tab_length_m, opening.tab_depth_m),
         world.perception,
-        1.0 / RATE_HZ,
+        1.0 / options.rate_hz,
         FieldOptions(norm=options.norm, ties=options.ties, mode=options.field),
         world.report_opening,
         CarryOptions(
@@ -140,8 +146,10 @@ def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpe
 
 def _prepare(world: RunWorld, drawn: Scenario, options: RunOptions, observer: Observer) -> Course:
     controller = _controller(world, drawn, options)
-    config = LoopConfig(rate_hz=RATE_HZ, max_ticks=round(options.time_limit_s * RATE_HZ))
-    loop = ControlLoop(world.device, world.clock, SafetyGate(), observer, time.perf_counter_ns, config)
+    rate_hz = float(options.rate_hz)
+    config = LoopConfig(rate_hz=rate_hz, max_ticks=round(options.time_limit_s * rate_hz))
+    gate = SafetyGate(GateConfig.at_rate(rate_hz))
+    loop = ControlLoop(world.device, world.clock, gate, observer, time.perf_counter_ns, config)
     return Course(controller, loop, world.clock.now_ns() * 1e-9)
 
 
@@ -157,7 +165,7 @@ def _run(course: Course, clock: Clock, paced: bool) -> None:
 
 
 def _run_paced(course: Course, clock: Clock) -> LoopResult:
-    with PatientController(course.controller) as patient, real_time():
+    with PatientController(course.controller, PATIENT_SHARE * course.loop.period_ns * 1e-9) as patient, real_time():
         course.empty = empty_lateness(clock, course.loop.period_ns, EMPTY_TICKS)
         course.start_s = clock.now_ns() * 1e-9
         try:

@@ -1,4 +1,4 @@
-"""The arming handshake: read each module's key, then arm it with that key for one new session. No I/O, no clock.
+"""The arming handshake: read each module's key, set its cycle, then arm it with that key for one new session. Pure.
 
 A key is good for one arming only: it changes when a module starts and whenever it stops. So an order to arm that
 was given before a stop, however long it waited in a queue, opens nothing.
@@ -17,9 +17,10 @@ TAGS = 256
 
 @dataclass(slots=True)
 class _Step:
-    """Where one module is: without a key its firmware (and key) is asked for, with one it is armed."""
+    """Where one module is: its firmware (and key) is asked for, then its cycle is set, then it is armed."""
 
     key: int | None = None
+    timed: bool = False
     asked_ns: int | None = None
     tag: int = 0
     done: bool = False
@@ -29,10 +30,11 @@ class Arming:
     """One attempt to arm some modules for a session; `refusal` is the cause why it cannot succeed, else empty."""
 
     def __init__(
-        self, modules: tuple[Module, ...], session: int, started_ns: int, retry_ns: int, first_tag: int
+        self, modules: tuple[Module, ...], session: int, cycle_us: int, started_ns: int, retry_ns: int, first_tag: int
     ) -> None:
-        """Begin; a request without an answer is made again after `retry_ns`."""
+        """Begin; a request without an answer is made again after `retry_ns`. Commands come every `cycle_us`."""
         self.session = session
+        self._cycle_us = cycle_us
         self.started_ns = started_ns
         self.refusal = ""
         self._names = {module.node: module.name for module in modules}
@@ -63,12 +65,15 @@ class Arming:
                 continue
             self._tag = (self._tag + 1) % TAGS
             step.asked_ns, step.tag = now_ns, self._tag
-            if step.key is None:
-                requests.append((node, Request(Operation.READ, Parameter.FIRMWARE, step.tag)))
-            else:
-                order = Request(Operation.WRITE, Parameter.SESSION, step.tag, value=self.session, key=step.key)
-                requests.append((node, order))
+            requests.append((node, self._request(step)))
         return requests
+
+    def _request(self, step: _Step) -> Request:
+        if step.key is None:
+            return Request(Operation.READ, Parameter.FIRMWARE, step.tag)
+        if not step.timed:
+            return Request(Operation.WRITE, Parameter.CYCLE_US, step.tag, value=self._cycle_us)
+        return Request(Operation.WRITE, Parameter.SESSION, step.tag, value=self.session, key=step.key)
 
     def take(self, node: int, reply: Reply) -> None:
         """Take a module's reply; one that answers no request of this attempt says nothing."""
@@ -78,6 +83,8 @@ class Arming:
         step.asked_ns = None
         if reply.parameter is Parameter.FIRMWARE or reply.answer is Answer.WRONG_KEY:
             step.key = reply.key
+        elif reply.parameter is Parameter.CYCLE_US and reply.value == self._cycle_us:
+            step.timed = True
         elif reply.parameter is Parameter.SESSION and reply.answer is Answer.DONE and reply.value == self.session:
             step.done = True
         else:

@@ -40,8 +40,7 @@ class BusAddress:
 def bus_addresses(topology: Topology, interface: str, channels: Sequence[str] = ()) -> dict[str, BusAddress]:
     """Return each bus's address by its name.
 
-    `channels`: one for each bus, or one alone. A virtual or multicast channel alone makes room for all buses (a
-    name or a port each); a socketcan channel alone is `topology.buses[0]`'s, so the topology must have one bus.
+    `channels`: one for each bus, or for a virtual or a multicast bus one alone, from which the others are numbered.
 
     Raises:
         ValueError: the number of channels does not suit.

@@ -148,8 +148,8 @@ class CanDevice:
         for wire in self._wires.values():
             wire.health.forget()
         self._session = _other(self._draw, self._session)
-        retry_ns = round(self.config.arming_retry_s * 1e9)
-        self._inbox.arming = Arming(self._topology.modules, self._session, now_ns, retry_ns, self._tag)
+        cycle_us, retry_ns = round(self.config.period_s * 1e6), round(self.config.arming_retry_s * 1e9)
+        self._inbox.arming = Arming(self._topology.modules, self._session, cycle_us, now_ns, retry_ns, self._tag)
         self._inbox.session, self._inbox.alarm = 0, ""
         self._status, self._fault, self._untaken = DeviceStatus.DISARMED, "", 0
         self._continue_arming(now_ns)

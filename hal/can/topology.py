@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from preshape.hal.can.identifiers import GROUPS, NODES
@@ -123,6 +123,11 @@ class Topology:
         _once("module", (module.name for module in self.modules))
         _once("node", (module.node for module in self.modules))
         _once("joint", (joint for module in self.modules for joint in module.joints))
+
+    def on_one_bus(self) -> Topology:
+        """Return the same groups on one bus, with the first one's name and bit rates."""
+        first = self.buses[0]
+        return Topology((replace(first, groups=self.groups),))
 
     @property
     def groups(self) -> tuple[Group, ...]:
