@@ -10,7 +10,7 @@ import numpy as np
 from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip, cage_grip
-from preshape.control.motions import Motion, lead_fingers, lead_palm, wait, wait_for
+from preshape.control.motions import Motion, between, eased, lead_fingers, lead_palm, ticks, wait, wait_for
 from preshape.control.opening_finder import GLANCE_VIEW_ANGLE, Verdict, decide, find_opening
 from preshape.control.work import Work
 from preshape.hal.layout import Side
@@ -24,6 +24,8 @@ PREGRASP_M = 0.14
 """Height of the palm above its grasp pose at which the field takes over, m."""
 STANDOFF_M = 0.11
 """Distance from the grasp pose, back along the palm's z axis, at which the fingertips reach the box's end, m."""
+ASIDE_M = 0.008
+"""How much further than on coming a leaving palm keeps its fingers off their face, m: the thumb's side has room."""
 SET_DOWN_M = 0.004
 """Height above the table from which the box is let go, m."""
 REACHES = 4
@@ -225,8 +227,20 @@ def put_back(work: Work) -> Motion:
 
 
 def draw_back(work: Work, side: Side, distance: float) -> Motion:
-    """Take an opened hand off the box: first sideways, off the face its fingers lie on, then back along its axis."""
-    body = work.body
-    X_off = work.sight.X_world_box @ work.grips[side].X_box_palm_insert
-    yield from lead_palm(body, side, X_off, speed=0.02)
-    yield from lead_palm(body, side, back_off(X_off, distance), speed=0.10)
+    """Take an opened hand off the box: first sideways, off the face its fingers lie on, then back along its axis.
+
+    Both lines are held in the box's frame: a box that gives way in the other hand takes the leaving one along.
+    """
+    X_box_off = work.grips[side].X_box_palm_insert @ transform((-ASIDE_M, 0.0, 0.0))
+    yield from lead_off(work, side, X_box_off, speed=0.02)
+    yield from lead_off(work, side, back_off(X_box_off, distance), speed=0.10)
+
+
+def lead_off(work: Work, side: Side, X_box_palm: Matrix, speed: float) -> Motion:
+    """Lead a palm on a straight line in the box's frame, as the box is seen meanwhile, at a peak speed (m/s)."""
+    X_start = inverse(work.sight.X_world_box) @ work.body.asked_palm(side)
+    distance = float(np.linalg.norm(X_box_palm[:3, 3] - X_start[:3, 3]))
+    count = ticks(work.body, max(15.0 / 8.0 * distance / speed, 0.2))
+    for k in range(1, count + 1):
+        work.body.ask_palm(side, work.sight.X_world_box @ between(X_start, X_box_palm, eased(k / count)))
+        yield
