@@ -21,6 +21,8 @@ from preshape.hal.source_digest import source_digest
 PACKAGE_ROOT = Path(preshape.__file__).parent
 KEPT = 6
 """How many versions of one source file's kernels stay on disk."""
+KERNELS: list[tuple[Any, Path]] = []
+"""Every kernel of this process that is kept: the dispatcher, and the file for the signatures it is called with."""
 _LOCK = threading.Lock()
 
 
@@ -68,6 +70,7 @@ def keep_kernel(dispatcher: Any, function: Any, config: CompilerConfig) -> None:
             dispatcher.enable_caching()
         finally:
             config.CACHE_DIR = before
+    KERNELS.append((dispatcher, directory / f"{cast(FunctionType, function).__qualname__}.signatures"))
 
 
 def _forget_old(root: Path, stem: str) -> None:

@@ -15,7 +15,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """Return the function compiled to machine code on its first call and kept on disk (`hal.kernel_cache`)."""
-    dispatcher = cast(Any, numba.njit(function))  # pyright: ignore[reportUnknownMemberType]
+    dispatcher = cast(Any, numba.njit(nogil=True)(function))  # pyright: ignore[reportUnknownMemberType]
     if dispatcher is not function:
         keep_kernel(dispatcher, function, cast(CompilerConfig, config))
     return cast(F, dispatcher)

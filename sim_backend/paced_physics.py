@@ -12,7 +12,9 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
+from preshape.hal.kernel_warm_up import remember_signatures, warm_up
 from preshape.hal.state import Mode, RobotCommand
+from preshape.sim_backend.command_cadence import CommandCadence
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.kicks import KickSchedule
 from preshape.sim_backend.paced_layout import (
@@ -52,11 +54,13 @@ def run_physics(
     # Ctrl-C reaches every process of a terminal: how the run ends is the controller's to say.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     physics = _PacedPhysics(scenario, watchdog_cycles, period_s, requests, state_memory, command_memory)
+    warm_up()
     gc.collect()
     gc.freeze()
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     physics.run()
+    remember_signatures()
 
 
 class _PacedPhysics:
@@ -79,6 +83,7 @@ class _PacedPhysics:
         self._requests = requests
         self._state = SharedBlock(state_memory, state_record(self._simulation.model))
         self._command = SharedBlock(command_memory, COMMAND)
+        self._cadence = CommandCadence(max(1, round(period_s * 1e9 / STEP_NS)))
         self._taken = 0
         self._slipped_ns = self._slips = 0
         self._offset_ns = 0
@@ -148,6 +153,7 @@ class _PacedPhysics:
 
     def _arm(self, now_ns: int) -> None:
         self._taken = self._command.version
+        self._cadence.reset()
         try:
             self._device.arm(now_ns)
         except RuntimeError as refusal:
@@ -157,7 +163,7 @@ class _PacedPhysics:
 
     def _take_command(self) -> None:
         version = self._command.version
-        if version == self._taken:
+        if not self._cadence.takes(self._simulation.time_ns // STEP_NS, version != self._taken):
             return
         record = self._command.read()
         if record is None:

@@ -35,13 +35,27 @@ print(value, sum(kernel.stats.cache_hits.values()))
 """
 
 
+REMEMBERING = """
+from preshape.planner.kernel import kernel
+from preshape.hal.kernel_warm_up import remember_signatures
+kernel(10.0)
+kernel(10)
+remember_signatures()
+"""
+WARMED = """
+from preshape.planner.kernel import kernel
+from preshape.hal.kernel_warm_up import warm_up
+print(warm_up(), len(kernel.signatures), sum(kernel.stats.cache_hits.values()), sum(kernel.stats.cache_misses.values()))
+"""
+
+
 def _package(root: Path) -> Path:
     """Write a small package of two kernel files and one constant, with this project's cache in it."""
     package = root / "preshape"
     for folder in ("", "hal", "planner"):
         (package / folder).mkdir(parents=True, exist_ok=True)
         (package / folder / "__init__.py").write_text("")
-    for file in ("hal/kernel_cache.py", "hal/source_digest.py", "planner/compiled.py"):
+    for file in ("hal/kernel_cache.py", "hal/kernel_warm_up.py", "hal/source_digest.py", "planner/compiled.py"):
         shutil.copy(PACKAGE / file, package / file)
     (package / "planner/kernel.py").write_text(KERNEL)
     (package / "planner/deep.py").write_text(DEEP)
@@ -51,13 +65,18 @@ def _package(root: Path) -> Path:
 
 def _run(root: Path, cache: Path) -> tuple[float, int]:
     """Return the kernel's value at 10 in a new process, and how many times it came from the cache."""
+    value, hits = _print(root, cache, PROGRAM).split()
+    return float(value), int(hits)
+
+
+def _print(root: Path, cache: Path, program: str) -> str:
+    """Return what a program prints that runs in a new process with this package and kernel cache."""
     environment = {**os.environ, "PYTHONPATH": str(root), "XDG_CACHE_HOME": str(cache)}
     environment.pop("NUMBA_CACHE_DIR", None)
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True, cwd=root
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True, cwd=root
     )
-    value, hits = done.stdout.split()
-    return float(value), int(hits)
+    return done.stdout
 
 
 def test_an_edited_constant_two_imports_away_reaches_the_kernel(tmp_path: Path) -> None:
@@ -66,6 +85,19 @@ def test_an_edited_constant_two_imports_away_reaches_the_kernel(tmp_path: Path) 
     assert _run(tmp_path, tmp_path / "cache") == (22.0, 1)
     (package / "hal/number.py").write_text("FACTOR = 3.0\n")
     assert _run(tmp_path, tmp_path / "cache") == (33.0, 0)
+
+
+def test_a_later_process_loads_every_remembered_kernel_before_its_first_call(tmp_path: Path) -> None:
+    package = _package(tmp_path)
+    assert _print(tmp_path, tmp_path / "cache", WARMED).split()[:2] == ["0", "0"]
+    _print(tmp_path, tmp_path / "cache", REMEMBERING)
+    # Two signatures of the kernel, and of the one that it calls; nothing is compiled anew.
+    assert _print(tmp_path, tmp_path / "cache", WARMED).split() == ["4", "2", "2", "0"]
+    for file in (tmp_path / "cache").rglob("*.signatures"):
+        file.write_bytes(b"no pickle")
+    assert _print(tmp_path, tmp_path / "cache", WARMED).split()[0] == "0"
+    (package / "hal/number.py").write_text("FACTOR = 3.0\n")
+    assert _print(tmp_path, tmp_path / "cache", WARMED).split()[0] == "0"
 
 
 def test_without_a_writable_directory_kernels_still_run(tmp_path: Path) -> None:

@@ -12,8 +12,9 @@ from preshape.hal.state import RobotState, Vector
 from preshape.hal.tick_record import TickRecord
 from preshape.tools.real_time import THINKING_PRIORITY, take_priority
 
-PATIENCE_S = 0.0014
-"""How long a tick waits for its step before it holds, s: most of a 2 ms period."""
+PATIENCE_S = 0.0026
+"""How long a tick waits for its step before it holds, s: to begin the next tick late by half a period disturbs a motion
+less than to stand still for one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,6 +23,7 @@ from preshape.control.observer import Observer, Observers
 from preshape.hal.clock import Clock
 from preshape.hal.gate import SafetyGate
 from preshape.hal.gate_config import GateConfig
+from preshape.hal.kernel_warm_up import remember_signatures
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock
 from preshape.sim_backend.scenario import Scenario
@@ -35,6 +36,7 @@ from preshape.tools.evidence import Evidence
 from preshape.tools.feasibility import impossibility
 from preshape.tools.patient import PatientController
 from preshape.tools.real_time import empty_lateness, real_time
+from preshape.tools.rehearsal import prepare_kernels
 from preshape.tools.run_course import Course, exit_code, run_report
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import plan_drawing, plan_run
@@ -90,6 +92,8 @@ def run_session(
     watching = Observers(observers)
     cause = impossibility(workcell(drawn), nominal_box(drawn), initial_box_pose(drawn))
     asked = options if cause is None else RunOptions()
+    if asked.in_real_time:
+        prepare_kernels(scenario, seed, asked)
     with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log) as world:
         if live is not None and live.waits_for_start:
             options = await_start(live.orders, options)
@@ -107,6 +111,7 @@ def run_session(
         finished = world.finish()
         if live is not None and live.note:
             course.controller.work.notes.append(live.note)
+    remember_signatures()
     ended = replace(finished, verdict=replace(finished.verdict, until_task=options.until_task))
     work = course.controller.work
     plan = plan_run(work.box, work.opening, work.grips)
