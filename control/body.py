@@ -120,7 +120,7 @@ class Body:
             self._goal[_ARMS] = self._last_goal[_ARMS]
         elif any(goal is not None for goal in self._palm_goal.values()):
             self._solve_palms()
-        goal = np.clip(self._goal, LAYOUT.lower, LAYOUT.upper)
+        goal = np.minimum(np.maximum(self._goal, LAYOUT.lower), LAYOUT.upper)
         # Fingers led by torque have noisy goals: only the arms' goals carry a speed worth meeting.
         speed = np.zeros(LAYOUT.dof)
         speed[_ARMS] = (goal - self._last_goal)[_ARMS] / self.period_s

@@ -13,27 +13,28 @@ from enum import Enum
 import numpy as np
 
 from preshape.control.grips import Grip, Stage
+from preshape.control.opposition import opposition, press
 from preshape.control.touch import Flags, TouchSense
-from preshape.hal.layout import HAND_DOF, LAYOUT, finger_slice
+from preshape.hal.layout import HAND_DOF, LAYOUT
 from preshape.hal.state import Vector
 
 TIGHTENING_GAIN = 1.5
-HOLDING_GAIN = 0.5
-"""Joint speed per missing torque while tightening and while holding, rad/s/(N m)."""
+"""Joint speed per missing torque while tightening, rad/s/(N m)."""
 TORQUE_FILTER_S = 0.030
 """Time constant of the torque that is acted on, s."""
 CLOSING_SPEED = 0.35
 """Largest joint speed before contact, rad/s."""
 TIGHTENING_SPEED = 0.8
-HOLDING_SPEED = 0.25
 OPENING_SPEED = 1.2
-"""Largest joint speeds after contact, while holding and while opening, rad/s."""
+"""Largest joint speeds after contact and while opening, rad/s."""
 MET = 0.85
 """Share of its goal at which a torque counts as met."""
 MOST_TRAVEL = 0.75
 """A driven joint that has turned this far without touching has missed, rad."""
 LET_GO_RAD = 0.03
 """The driven joints count as open from here, rad."""
+SENSELESS_NM = 0.2
+"""A joint whose sensor says nothing may use its goal's torque, and this much at least, N m."""
 STALE_S = 0.05
 """Samples older than this are not integrated on."""
 
@@ -66,6 +67,11 @@ class Grasp:
         self._start = self._target.copy()
         hand = LAYOUT.hand(grip.side)
         self._lower, self._upper, self._torque_limit = LAYOUT.lower[hand], LAYOUT.upper[hand], LAYOUT.torque[hand]
+        self._goal = np.nan_to_num(grip.torques)
+        self._driven = np.isfinite(grip.torques)
+        self._opposed = opposition(grip.opposed, self._goal)
+        at_most = np.where(self._driven, np.maximum(np.abs(self._goal), SENSELESS_NM), np.inf)
+        self._senseless_limit = np.minimum(self._torque_limit, at_most)
         self._touch = TouchSense()
         self._stage = -1
         self._elapsed = 0.0
@@ -99,7 +105,7 @@ class Grasp:
         if self.status is GraspStatus.CLOSING:
             self._close_on(dt, torque, usable)
         elif self.status is GraspStatus.HOLDING:
-            self._keep(dt, position, torque, usable)
+            self._keep(dt, torque, usable)
         elif self.status is GraspStatus.OPENING:
             self._let_go(dt)
         return self._target.copy(), self._limits(usable)
@@ -148,33 +154,18 @@ class Grasp:
             self.status = GraspStatus.HOLDING
             self._creep = self._target.copy()
 
-    def _keep(self, dt: float, position: Vector, torque: Vector, usable: Flags) -> None:
-        driven = np.isfinite(self.grip.torques)
-        self._press(dt, torque, usable)
-        if np.any(np.abs(self._target - self._creep)[driven] > MOST_TRAVEL):
+    def _keep(self, dt: float, torque: Vector, usable: Flags) -> None:
+        goal = self._goal * self._share
+        press(self._opposed, goal, torque, usable, dt, self._lower, self._upper, self._target)
+        crept = np.abs(self._target - self._creep)[self._driven]
+        if (crept > MOST_TRAVEL).any():
             self.status = GraspStatus.SLIPPED
             self.reason = "has closed further than a held box allows"
-
-    def _press(self, dt: float, torque: Vector, usable: Flags) -> None:
-        """Close or open opposed fingers together by their common lack of torque; what they share is left stiff.
-
-        Driving each to its own goal would let the object float between them: any load would push it along.
-        """
-        goal = np.nan_to_num(self.grip.torques) * self._share
-        for a, b in self.grip.opposed:
-            joints = [j for finger in (a, b) for j in range(*finger_slice(finger).indices(HAND_DOF)) if goal[j] != 0.0]
-            if not usable[joints].all():
-                continue
-            # The thumb presses alone on its side: its torque tells the squeeze of the whole grip.
-            told = joints[:1] if a == "thumb" else joints
-            lack = float(np.mean(1.0 - torque[told] / goal[told]))
-            step = np.clip(HOLDING_GAIN * lack * goal[joints], -HOLDING_SPEED, HOLDING_SPEED) * dt
-            self._target[joints] = np.clip(self._target[joints] + step, self._lower[joints], self._upper[joints])
 
     def _let_go(self, dt: float) -> None:
         """Open the driven joints first: what only lies around the object then leaves it without rubbing along."""
         left = self.grip.preshape - self._target
-        driven = np.isfinite(self.grip.torques)
+        driven = self._driven
         going = driven if np.abs(left[driven]).max() > LET_GO_RAD else np.ones(HAND_DOF, dtype=np.bool_)
         self._target += np.where(going, np.clip(left, -OPENING_SPEED * dt, OPENING_SPEED * dt), 0.0)
         if np.abs(left).max() < 1e-3:
@@ -182,5 +173,4 @@ class Grasp:
 
     def _limits(self, usable: Flags) -> Vector:
         """Return the torque limits; a joint whose sensor says nothing may not use more than its goal."""
-        goal = np.abs(np.nan_to_num(self.grip.torques, nan=np.inf))
-        return np.where(usable, self._torque_limit, np.minimum(self._torque_limit, np.maximum(goal, 0.2)))
+        return np.where(usable, self._torque_limit, self._senseless_limit)

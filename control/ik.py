@@ -10,6 +10,7 @@ redundant joint drifts to at the rate r (1/s). The program is solved from the la
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from preshape.hal.description import ARM_BASE, robot_urdf
 from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side, arm_joint_names
 from preshape.hal.transform import Matrix, transform
 from preshape.planner.arm_kinematics import FRAME_COUNT, PALM, chain_frames, link_origins, mount
+from preshape.planner.compiled import compiled
 
 ARMS_DOF = ARM_DOF * len(SIDES)
 JOINT_NAMES = tuple(name for side in SIDES for name in arm_joint_names(side))
@@ -106,6 +108,7 @@ class ArmIk:
         self.upper = LAYOUT.upper[rows] - self.config.limit_margin
         self._robot = _load_robot(bases)
         self._offsets = np.array([self._robot.get_joint_offset(name) for name in JOINT_NAMES])
+        self._dofs = self._offsets - 1
         self._q_all: Matrix = self._robot.state.q.copy()
         for name, lower, upper, speed in zip(JOINT_NAMES, self.lower, self.upper, LAYOUT.velocity[rows], strict=True):
             self._robot.set_joint_limits(name, lower, upper)
@@ -168,7 +171,7 @@ class ArmIk:
             if "QPError" not in str(error):
                 raise
             return IkStep(IkStatus.INFEASIBLE, given)
-        q = np.minimum(np.maximum(q + displacement[self._offsets - 1], self.lower), self.upper)
+        q = np.minimum(np.maximum(q + displacement[self._dofs], self.lower), self.upper)
         return self._judged(q, targets)
 
     def _write_targets(self, q: Matrix, targets: tuple[Matrix, Matrix], dt: float) -> None:
@@ -180,7 +183,7 @@ class ArmIk:
             self._position_tasks[k].target_world = X[:3, 3]
             self._rotation_tasks[k].R_world_frame = X[:3, :3]
         most = self._hurry * self.config.posture_speed
-        speed = np.clip(self._hurry * self.config.posture_rate * (self._nominal - q), -most, most)
+        speed = np.minimum(np.maximum(self._hurry * self.config.posture_rate * (self._nominal - q), -most), most)
         self._posture.set_joints(dict(zip(JOINT_NAMES, (q + dt * speed).tolist(), strict=True)))
 
     def _judged(self, q: Matrix, targets: tuple[Matrix, Matrix]) -> IkStep:
@@ -192,12 +195,21 @@ class ArmIk:
         return IkStep(IkStatus.REACHED if reached else IkStatus.MOVING, q, (p_right, p_left), (r_right, r_left))
 
     def _errors(self, arm: int, q: Matrix, X_world_target: Matrix) -> tuple[float, float]:
-        """Return distance (m) and angle (rad) of one palm to its target; |R - R'|_F = sqrt(8) sin(angle / 2)."""
+        """Return distance (m) and angle (rad) of one palm to its target."""
         joints = q[arm * ARM_DOF : (arm + 1) * ARM_DOF]
         chain_frames(link_origins(), self._bases[arm], mount(SIDES[arm]), joints, self._frames)
-        difference = self._frames[PALM] - X_world_target
-        p, R = difference[:3, 3], difference[:3, :3].ravel()
-        return float(np.sqrt(p @ p)), 2.0 * float(np.arcsin(min(1.0, np.sqrt(R @ R / 8.0))))
+        return _pose_error(self._frames[PALM], X_world_target)
+
+
+@compiled
+def _pose_error(X_a: Matrix, X_b: Matrix) -> tuple[float, float]:
+    """Return the distance (m) and the angle (rad) between two poses; |R - R'|_F = sqrt(8) sin(angle / 2)."""
+    way = chord = 0.0
+    for row in range(3):
+        way += (X_a[row, 3] - X_b[row, 3]) ** 2
+        for column in range(3):
+            chord += (X_a[row, column] - X_b[row, column]) ** 2
+    return math.sqrt(way), 2.0 * math.asin(min(1.0, math.sqrt(chord / 8.0)))
 
 
 def _arms_vector(q: ArrayLike) -> Matrix:

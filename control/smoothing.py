@@ -14,17 +14,16 @@ import numpy as np
 import ruckig as untyped_ruckig
 from numpy.typing import ArrayLike, NDArray
 
+from preshape.control.tracking import lead, put_back
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import Vector
 
 ruckig: Any = untyped_ruckig  # its extension module has no types
 
-_POSITION = np.full(LAYOUT.dof, ruckig.ControlInterface.Position, dtype=object)
-_VELOCITY = np.full(LAYOUT.dof, ruckig.ControlInterface.Velocity, dtype=object)
-TRACKING_GAIN = 40.0
-"""Speed per distance from a tracked target, 1/s."""
-ROUNDING = 1e-9
-"""A position this little (rad) outside its limits is put back without a stop."""
+Flags = NDArray[np.bool_]
+_NONE: Flags = np.zeros(LAYOUT.dof, dtype=np.bool_)
+_ALL: Flags = np.ones(LAYOUT.dof, dtype=np.bool_)
+_STILL = np.zeros(LAYOUT.dof)
 
 
 class SmoothStatus(IntEnum):
@@ -66,16 +65,6 @@ class SmoothStep:
     acceleration: Vector
 
 
-def stopping_speed(distance: Vector, acceleration: Vector, jerk: Vector) -> Vector:
-    """Return the largest speed from which a joint, at rest in acceleration, stops within a distance (>= 0).
-
-    Stopping takes v^2/(2A) + v A/(2J) when v >= A^2/J and v^(3/2)/sqrt(J) below; the first is never less
-    than the second, so v = -A^2/(2J) + sqrt((A^2/(2J))^2 + 2 A d) is safe for both.
-    """
-    ramp = acceleration**2 / (2.0 * jerk)
-    return np.sqrt(ramp**2 + 2.0 * acceleration * distance) - ramp
-
-
 class Smoother:
     """Ruckig with what it does not check itself: lengths, finite values, position limits, current velocity."""
 
@@ -91,9 +80,9 @@ class Smoother:
         self._input.max_velocity = self.velocity_limit.tolist()
         self._input.max_acceleration = self.acceleration_limit.tolist()
         self._input.max_jerk = self.jerk_limit.tolist()
-        self._input.per_dof_control_interface = [ruckig.ControlInterface.Position] * LAYOUT.dof
         self._zeros = [0.0] * LAYOUT.dof
-        self._interface: Any = _POSITION
+        self._led = b""
+        self._is_fed = False
         self.clamped = 0
         self.seed(0.5 * (LAYOUT.lower + LAYOUT.upper))
 
@@ -108,6 +97,7 @@ class Smoother:
         self.position = position
         self.velocity = np.clip(speed, -self.velocity_limit, self.velocity_limit)
         self.acceleration = np.zeros(LAYOUT.dof)
+        self._is_fed = False
 
     def update(
         self,
@@ -128,17 +118,17 @@ class Smoother:
             ValueError: a target has another shape.
         """
         target = _shaped(target_position, "target_position")
-        speed = np.zeros(LAYOUT.dof) if target_velocity is None else _shaped(target_velocity, "target_velocity")
-        if not (np.isfinite(target).all() and np.isfinite(speed).all()):
+        speed = _STILL if target_velocity is None else _shaped(target_velocity, "target_velocity")
+        tracked = _NONE if tracked is None else tracked
+        goal, pace = np.empty(LAYOUT.dof), np.empty(LAYOUT.dof)
+        if not lead(
+            target, speed, tracked, self.position, LAYOUT.lower, LAYOUT.upper, self.velocity_limit,
+            self.acceleration_limit, self.jerk_limit, goal, pace,
+        ):  # fmt: skip
             return self._brake(SmoothStatus.BAD_TARGET)
-        target = np.minimum(np.maximum(target, LAYOUT.lower), LAYOUT.upper)
-        self._input.target_position = target.tolist()
-        if tracked is None:
-            self._set_interface(_POSITION)
-            self._input.target_velocity = self._zeros
-        else:
-            self._set_interface(np.where(tracked, ruckig.ControlInterface.Velocity, ruckig.ControlInterface.Position))
-            self._input.target_velocity = np.where(tracked, self._tracking_speed(target, speed), 0.0).tolist()
+        self._lead_by_speed(tracked)
+        self._input.target_position = goal.tolist()
+        self._input.target_velocity = pace.tolist()
         result = self._advance()
         return self._brake(SmoothStatus.FAILED) if result is None else self._step(result)
 
@@ -146,58 +136,51 @@ class Smoother:
         """Return the command one period on when every joint comes to rest in the least time; REACHED at rest."""
         return self._brake(None)
 
-    def _set_interface(self, interface: Any) -> None:
-        """Tell ruckig how each joint is controlled, where that has changed."""
-        if interface is not self._interface and not np.array_equal(interface, self._interface):
-            self._input.per_dof_control_interface = interface.tolist()
-        self._interface = interface
-
-    def _tracking_speed(self, target: Vector, speed: Vector) -> Vector:
-        left = target - self.position
-        stop = stopping_speed(np.abs(left), self.acceleration_limit, self.jerk_limit)
-        wanted = speed + np.sign(left) * np.minimum(TRACKING_GAIN * np.abs(left), stop)
-        room = np.where(wanted > 0.0, LAYOUT.upper - self.position, self.position - LAYOUT.lower)
-        top = stopping_speed(np.maximum(room, 0.0), self.acceleration_limit, self.jerk_limit)
-        top = np.minimum(top, self.velocity_limit)
-        return np.minimum(np.maximum(wanted, -top), top)
+    def _lead_by_speed(self, led: Flags) -> None:
+        """Tell ruckig, where that has changed, which joints are led by speed; the others are led by position."""
+        flags = led.tobytes()
+        if flags != self._led:
+            velocity, position = ruckig.ControlInterface.Velocity, ruckig.ControlInterface.Position
+            self._input.per_dof_control_interface = [velocity if flag else position for flag in led]
+            self._led = flags
 
     def _brake(self, status: SmoothStatus | None) -> SmoothStep:
-        self._set_interface(_VELOCITY)
+        self._lead_by_speed(_ALL)
         self._input.target_velocity = self._zeros
         result = self._advance()
         if result is None:
             # Not even braking can be computed: stand still and leave the deceleration to the gate.
             self.velocity, self.acceleration = np.zeros(LAYOUT.dof), np.zeros(LAYOUT.dof)
+            self._is_fed = False
             return self._step(SmoothStatus.FAILED)
         return self._step(result if status is None else status)
 
     def _advance(self) -> SmoothStatus | None:
         """Move the command on by one period; None if ruckig refuses."""
-        self._input.current_position = self.position.tolist()
-        self._input.current_velocity = self.velocity.tolist()
-        self._input.current_acceleration = self.acceleration.tolist()
+        if not self._is_fed:
+            self._input.current_position = self.position.tolist()
+            self._input.current_velocity = self.velocity.tolist()
+            self._input.current_acceleration = self.acceleration.tolist()
         try:
             result = self._ruckig.update(self._input, self._output)
         except (ruckig.RuckigError, ValueError):
             return None
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
             return None
-        self._take(
-            np.array(self._output.new_position),
-            np.array(self._output.new_velocity),
-            np.array(self._output.new_acceleration),
-        )
+        self._take()
         return SmoothStatus.REACHED if result is ruckig.Result.Finished else SmoothStatus.MOVING
 
-    def _take(self, position: Vector, velocity: Vector, acceleration: Vector) -> None:
+    def _take(self) -> None:
         """Store the command; joints carried farther outside their limits than they were stop where they were."""
-        low, high = np.minimum(LAYOUT.lower, self.position), np.maximum(LAYOUT.upper, self.position)
-        held = np.minimum(np.maximum(position, low), high)
-        outside = np.abs(held - position) > ROUNDING
-        if outside.any():
-            self.clamped += int(outside.sum())
-            velocity, acceleration = np.where(outside, 0.0, velocity), np.where(outside, 0.0, acceleration)
-        self.position, self.velocity, self.acceleration = held, velocity, acceleration
+        output = self._output
+        position, velocity = np.array(output.new_position), np.array(output.new_velocity)
+        acceleration = np.array(output.new_acceleration)
+        moved, stopped = put_back(position, velocity, acceleration, self.position, LAYOUT.lower, LAYOUT.upper)
+        self.clamped += stopped
+        self.position, self.velocity, self.acceleration = position, velocity, acceleration
+        self._is_fed = not moved
+        if self._is_fed:
+            output.pass_to_input(self._input)
 
     def _step(self, status: SmoothStatus) -> SmoothStep:
         return SmoothStep(status, self.position, self.velocity, self.acceleration)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from preshape.hal.layout import HAND_DOF
 from preshape.hal.state import Vector
+from preshape.planner.compiled import compiled
 
 Flags = NDArray[np.bool_]
 
@@ -38,16 +39,28 @@ class TouchSense:
         self._samples = 0
         self._bias[:] = 0.0
         self._over[:] = 0
-        self.touching = np.zeros(HAND_DOF, dtype=np.bool_)
+        self.touching[:] = False
 
     def update(self, velocity: Vector, torque: Vector) -> None:
         """Take this tick's joint velocities (13), rad/s, and torques (13), N m."""
-        self._same = np.where(torque == self._last, self._same + 1, 0)
-        self._last = torque.copy()
-        self.frozen = self._same >= FROZEN_TICKS
+        _count_same(torque, self._last, self._same, self.frozen)
         if self._samples < BIAS_TICKS:
             self._samples += 1
             self._bias += (torque - self._bias) / self._samples
             return
-        self._over = np.where(np.abs(torque - self._bias) > TOUCH_NM, self._over + 1, 0)
-        self.touching = self.touching | (self._over >= TOUCH_TICKS)
+        _count_over(torque, self._bias, self._over, self.touching)
+
+
+@compiled
+def _count_same(torque: Vector, last: Vector, same: NDArray[np.int64], frozen: Flags) -> None:
+    for j in range(len(torque)):
+        same[j] = same[j] + 1 if torque[j] == last[j] else 0
+        last[j] = torque[j]
+        frozen[j] = same[j] >= FROZEN_TICKS
+
+
+@compiled
+def _count_over(torque: Vector, bias: Vector, over: NDArray[np.int64], touching: Flags) -> None:
+    for j in range(len(torque)):
+        over[j] = over[j] + 1 if abs(torque[j] - bias[j]) > TOUCH_NM else 0
+        touching[j] = touching[j] or over[j] >= TOUCH_TICKS

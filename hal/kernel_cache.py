@@ -19,7 +19,7 @@ import preshape
 from preshape.hal.source_digest import source_digest
 
 PACKAGE_ROOT = Path(preshape.__file__).parent
-KEPT = 6
+KEPT = 12
 """How many versions of one source file's kernels stay on disk."""
 KERNELS: list[tuple[Any, Path]] = []
 """Every kernel of this process that is kept: the dispatcher, and the file for the signatures it is called with."""

@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Matrix = NDArray[np.float64]
 
+_EYE3, _EYE4 = np.eye(3), np.eye(4)
+
 
 def rpy_matrix(rpy: ArrayLike) -> Matrix:
     """Return R = Rz(yaw) Ry(pitch) Rx(roll), the URDF convention, from angles in rad."""
@@ -31,7 +33,7 @@ def rpy_angles(R: Matrix) -> Matrix:
 
 def transform(p: ArrayLike = (0.0, 0.0, 0.0), R: ArrayLike | None = None) -> Matrix:
     """Return the 4x4 transform with translation p (m) and rotation R (default: none)."""
-    X = np.eye(4)
+    X = _EYE4.copy()
     X[:3, 3] = p
     if R is not None:
         X[:3, :3] = R
@@ -60,15 +62,15 @@ def exp_so3(w: ArrayLike) -> Matrix:
     angle = float(np.sqrt(w @ w))
     K = hat(w)
     if angle < 1e-8:
-        return np.eye(3) + K + 0.5 * K @ K
-    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
+        return _EYE3 + K + 0.5 * K @ K
+    return _EYE3 + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
 
 
 def log_so3(R: Matrix) -> Matrix:
     """Return the rotation vector w (rad, |w| <= pi) with exp_so3(w) == R."""
     axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine = float(np.sqrt(axis @ axis))
-    cosine = 0.5 * (np.trace(R) - 1.0)
+    cosine = 0.5 * (float(R[0, 0] + R[1, 1] + R[2, 2]) - 1.0)
     angle = np.arctan2(sine, cosine)
     if sine > 1e-6:
         return axis * (angle / sine)

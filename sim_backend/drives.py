@@ -8,13 +8,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix
+from preshape.sim_backend.compiled import compiled
 
 LEAD_FILTER_S = 0.008
 """Time constant of the arms' commanded velocity, s."""
 
-Joints = slice | NDArray[np.int64]
+Indices = NDArray[np.int64]
+Joints = slice | Indices
 """Some of the joints, by their places in the layout."""
 EVERY = slice(None)
+_PLACES: Indices = np.arange(LAYOUT.dof)
 
 
 class JointDrives:
@@ -49,26 +53,18 @@ class JointDrives:
         """Write this step's targets."""
         if not self._moving:
             return
-        on_the_way = self._row < self._count
-        self._row += 1.0
-        share = self._row / np.maximum(self._count, 1.0)
-        np.copyto(self._ctrl, np.where(on_the_way, self._start + share * self._travel + self._offset, self._target))
-        self._moving = bool(on_the_way.any())
+        self._moving = _step(self._start, self._travel, self._offset, self._target, self._row, self._count, self._ctrl)
 
     def follow(self, position: Vector, torque_limit: Vector, period_s: float, joints: Joints = EVERY) -> None:
         """Move the targets of some joints to positions (n,) within a period, with at most the given torques (n,)."""
         self._note_request(torque_limit, joints)
         self._set_servo(torque_limit, joints)
         count = max(1, round(period_s / self._timestep))
-        start = self._reached(joints)
-        travel = position - start
         duration_s = count * self._timestep
-        keep = 1.0 - np.exp(-duration_s / LEAD_FILTER_S)
-        self._velocity[joints] += keep * (travel / duration_s - self._velocity[joints])
-        # The drive damps the error of velocity, not velocity itself: its target carries the lead d/k v.
-        self._offset[joints] = self._lead[joints] * self._velocity[joints]
-        self._start[joints], self._travel[joints], self._target[joints] = start, travel, position
-        self._row[joints], self._count[joints] = 0.0, count
+        _set_out(
+            _PLACES[joints], position, count, duration_s, 1.0 - np.exp(-duration_s / LEAD_FILTER_S), self._lead,
+            self._start, self._travel, self._target, self._velocity, self._offset, self._row, self._count,
+        )  # fmt: skip
         self._moving = True
 
     def hold(self, position: Vector, torque_limit: Vector, joints: Joints = EVERY) -> None:
@@ -97,12 +93,6 @@ class JointDrives:
         """Return stiffness (N m/rad) and damping (N m s/rad) of some joints' position loops."""
         return self._stiffness[joints].copy(), self._damping[joints].copy()
 
-    def _reached(self, joints: Joints) -> Vector:
-        """Return the interpolated targets at this moment, without the lead."""
-        row, count, target = self._row[joints], self._count[joints], self._target[joints]
-        start = self._start[joints]
-        return np.where(row < count, start + (target - start) * (row / np.maximum(count, 1.0)), target)
-
     def _rest_at(self, values: ArrayLike, joints: Joints) -> None:
         self._target[joints] = values
         self._row[joints], self._count[joints] = 0.0, 0.0
@@ -110,14 +100,62 @@ class JointDrives:
         self._moving = True
 
     def _set_servo(self, torque_limit: Vector, joints: Joints) -> None:
-        stiffness, damping = self._stiffness[joints], self._damping[joints]
-        self._gain[joints, 0], self._bias[joints, 1], self._bias[joints, 2] = stiffness, -stiffness, -damping
+        _write_servo(_PLACES[joints], self._gain, self._bias, self._stiffness, self._damping)
         self._clip_at(torque_limit, joints)
 
     def _clip_at(self, torque_limit: Vector, joints: Joints) -> None:
-        clip = np.clip(torque_limit, 0.0, LAYOUT.torque[joints])
-        self._range[joints, 0], self._range[joints, 1] = -clip, clip
+        _write_clip(_PLACES[joints], self._range, torque_limit, LAYOUT.torque)
 
     def _note_request(self, torque_limit: Vector, joints: Joints) -> None:
-        ratio = float(np.max(torque_limit / LAYOUT.torque[joints]))
+        ratio = float((torque_limit / LAYOUT.torque[joints]).max())
         self.max_requested_ratio = max(self.max_requested_ratio, ratio)
+
+
+@compiled
+def _step(
+    start: Vector, travel: Vector, offset: Vector, target: Vector, row: Vector, count: Vector, ctrl: Vector
+) -> bool:
+    """Write each joint's target of its next step into `ctrl` (40,); tell whether any was on its way."""
+    moving = False
+    for j in range(len(ctrl)):
+        on_the_way = row[j] < count[j]
+        row[j] += 1.0
+        share = row[j] / max(count[j], 1.0)
+        ctrl[j] = start[j] + share * travel[j] + offset[j] if on_the_way else target[j]
+        moving = moving or on_the_way
+    return moving
+
+
+@compiled
+def _set_out(
+    joints: Indices, position: Vector, steps: int, duration_s: float, share: float, lead: Vector,
+    start: Vector, travel: Vector, target: Vector, velocity: Vector, offset: Vector, row: Vector, count: Vector,
+) -> None:  # fmt: skip
+    """Send joints from where their targets are at this moment to positions (n,), and filter their velocity.
+
+    The drive damps the error of velocity, not velocity itself: its target carries the lead d/k v as an offset.
+    """
+    for k in range(len(joints)):
+        j = joints[k]
+        reached = target[j]
+        if row[j] < count[j]:
+            reached = start[j] + (target[j] - start[j]) * (row[j] / max(count[j], 1.0))
+        travel[j] = position[k] - reached
+        velocity[j] += share * (travel[j] / duration_s - velocity[j])
+        offset[j] = lead[j] * velocity[j]
+        start[j], target[j] = reached, position[k]
+        row[j], count[j] = 0.0, steps
+
+
+@compiled
+def _write_servo(joints: Indices, gain: Matrix, bias: Matrix, stiffness: Vector, damping: Vector) -> None:
+    for j in joints:
+        gain[j, 0], bias[j, 1], bias[j, 2] = stiffness[j], -stiffness[j], -damping[j]
+
+
+@compiled
+def _write_clip(joints: Indices, force_range: Matrix, torque_limit: Vector, most: Vector) -> None:
+    for k in range(len(joints)):
+        j = joints[k]
+        clip = min(max(torque_limit[k], 0.0), most[j])
+        force_range[j, 0], force_range[j, 1] = -clip, clip

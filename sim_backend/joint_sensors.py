@@ -37,12 +37,15 @@ class JointSensors:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, seed: int) -> None:
         """Take a first sample of a model that has been brought to its first state; `seed` draws the noise."""
-        self._model, self._data = model, data
-        self._qpos_index, self._dof = joint_addresses(model)
-        self._coupled_dof = _coupled_dofs(model)
-        self._ring = np.zeros((DELAY_STEPS + 1, 3, LAYOUT.dof))
-        self._keep = float(np.exp(-model.opt.timestep / FILTER_S))
         self._velocity_before = data.qvel.copy()
+        # Views of MuJoCo's own arrays, taken once: asking for them costs more than the sampling.
+        self._scene = (
+            data.qpos, data.qvel, self._velocity_before, data.qfrc_actuator, data.actuator_force,
+            model.actuator_forcerange, model.actuator_biasprm, LAYOUT.torque, model.dof_armature, model.dof_damping,
+            *joint_addresses(model), _coupled_dofs(model), float(model.opt.timestep),
+            float(np.exp(-model.opt.timestep / FILTER_S)),
+        )  # fmt: skip
+        self._ring = np.zeros((DELAY_STEPS + 1, 3, LAYOUT.dof))
         self._is_arm = _arm_joints()
         rng = np.random.default_rng((0x70B9, seed))
         spread = np.where(self._is_arm, ARM_TORQUE_NOISE, FINGER_TORQUE_NOISE)
@@ -64,24 +67,18 @@ class JointSensors:
 
     def update(self) -> None:
         """Sample the step just made."""
-        model, data = self._model, self._data
         self._steps += 1
         slots = DELAY_STEPS + 1
-        _sample(
-            data.qpos, data.qvel, self._velocity_before, data.qfrc_actuator, data.actuator_force,
-            model.actuator_forcerange, model.actuator_biasprm, LAYOUT.torque, model.dof_armature, model.dof_damping,
-            self._qpos_index, self._dof, self._coupled_dof, model.opt.timestep, self._keep,
-            self._ring[(self._steps - 1) % slots], self._ring[self._steps % slots],
-        )  # fmt: skip
+        _sample(*self._scene, self._ring[(self._steps - 1) % slots], self._ring[self._steps % slots])
 
     def read(self) -> tuple[Vector, Vector, Vector]:
         """Return position (rad), velocity (rad/s) and torque (N m) of all joints, `DELAY_STEPS` steps old."""
-        position, velocity, torque = self._ring[(self._steps + 1) % (DELAY_STEPS + 1)]
-        noisy = torque + self._noise[self._steps % _NOISE_ROWS]
-        noisy = np.rint(noisy / self._torque_count) * self._torque_count
-        noisy = np.clip(noisy, -self._torque_range, self._torque_range)
-        np.copyto(noisy, self._frozen_torque, where=self._frozen)
-        return np.rint(position / self._position_count) * self._position_count, velocity.copy(), noisy
+        told = np.empty((3, LAYOUT.dof))
+        _tell(
+            self._ring[(self._steps + 1) % (DELAY_STEPS + 1)], self._noise[self._steps % _NOISE_ROWS],
+            self._position_count, self._torque_count, self._torque_range, self._frozen, self._frozen_torque, told,
+        )  # fmt: skip
+        return told[0], told[1], told[2]
 
     def freeze_torque(self, joints: slice) -> None:
         """Break torque sensors: from now on they report their last value with a fresh stamp."""
@@ -133,3 +130,20 @@ def _sample(
         out[1, i] = keep * last[1, i] + (1.0 - keep) * qvel[dof]
         out[2, i] = torque
     qvel_before[:] = qvel
+
+
+@compiled
+def _tell(
+    sample: Matrix, noise: Vector, position_count: Vector, torque_count: Vector, torque_range: Vector,
+    frozen: NDArray[np.bool_], frozen_torque: Vector, out: Matrix,
+) -> None:  # fmt: skip
+    """Write what the modules report of a sample (3, n) into `out` (3, n): counts, noise and range of the torque."""
+    for i in range(sample.shape[1]):
+        torque = np.rint((sample[2, i] + noise[i]) / torque_count[i]) * torque_count[i]
+        if torque > torque_range[i]:
+            torque = torque_range[i]
+        elif torque < -torque_range[i]:
+            torque = -torque_range[i]
+        out[0, i] = np.rint(sample[0, i] / position_count[i]) * position_count[i]
+        out[1, i] = sample[1, i]
+        out[2, i] = frozen_torque[i] if frozen[i] else torque

@@ -11,6 +11,7 @@ class LidTruth:
     def __init__(self, simulation: Simulation) -> None:
         """Find the hinges, if the object has them."""
         self._simulation = simulation
+        self._qpos = simulation.data.qpos
         model = simulation.model
         self._addresses = (
             None

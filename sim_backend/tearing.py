@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from preshape.hal.state import Vector
+from preshape.sim_backend.compiled import compiled
 from preshape.sim_backend.paper_box import lid_frame, perforation_arms
 from preshape.sim_backend.scenario import Scenario
 
@@ -30,8 +35,9 @@ class Tearing:
         self._tab_lock = model.equality("tab_perforation").id
         self._over = np.zeros(strengths.points, dtype=np.int64)
         self._tab_over = 0
-        self.intact = np.ones(strengths.points, dtype=bool)
+        self.intact = np.ones(strengths.points, dtype=np.bool_)
         self.tab_torn = False
+        self._arms, self._square_sum = self._lid_arms, float(self._lid_arms @ self._lid_arms)
 
     @property
     def torn_fraction(self) -> float:
@@ -42,26 +48,46 @@ class Tearing:
         """Read both locks' moments of the step just made and tear what was overloaded long enough."""
         if self.tab_torn and not self.intact.any():
             return
-        moments = _lock_moments(data)
+        tab_moment, lid_moment = _moments(data.efc_id, data.efc_force, data.ne, self._tab_lock, self._lid_lock)
         if not self.tab_torn:
-            load = abs(moments.get(self._tab_lock, 0.0)) / self._tab_depth
+            load = abs(tab_moment) / self._tab_depth
             self._tab_over = self._tab_over + 1 if load > self._tab_n else 0
             if self._tab_over >= self._steps_to_tear:
                 self.tab_torn = True
                 data.eq_active[self._tab_lock] = 0
-        if self.intact.any():
-            # Only an opening moment pulls on the points; pushed inward, the lid rests on the walls.
-            moment = max(0.0, -moments.get(self._lid_lock, 0.0))
-            arms = self._lid_arms * self.intact
-            loads = moment * arms / (arms @ arms)
-            self._over = np.where(loads > self._point_n, self._over + 1, 0)
-            self.intact &= self._over < self._steps_to_tear
+        # Only an opening moment pulls on the points; pushed inward, the lid rests on the walls.
+        moment = max(0.0, -lid_moment)
+        if _tear(moment, self._arms, self._square_sum, self._point_n, self._steps_to_tear, self._over, self.intact):
+            self._arms = self._lid_arms * self.intact
+            self._square_sum = float(self._arms @ self._arms)
             if not self.intact.any():
                 data.eq_active[self._lid_lock] = 0
 
 
-def _lock_moments(data: mujoco.MjData) -> dict[int, float]:
-    """Return the moment (N m) of every active equality constraint, by its id."""
-    count = data.ne
-    ids, forces = data.efc_id[:count], data.efc_force[:count]
-    return {int(i): float(f) for i, f in zip(ids, forces, strict=True)}
+@compiled
+def _moments(ids: NDArray[Any], forces: Vector, count: int, first: int, second: int) -> tuple[float, float]:
+    """Return the moments (N m) of two equality constraints, 0 for one that is not active."""
+    of_first = of_second = 0.0
+    for row in range(count):
+        if ids[row] == first:
+            of_first = forces[row]
+        elif ids[row] == second:
+            of_second = forces[row]
+    return of_first, of_second
+
+
+@compiled
+def _tear(
+    moment: float, arms: Vector, square_sum: float, strength: float, steps: int, over: NDArray[np.int64],
+    intact: NDArray[np.bool_],
+) -> bool:  # fmt: skip
+    """Count for how many steps each intact point was overloaded, tear those that were long enough; tell if any did."""
+    torn = False
+    for point in range(len(arms)):
+        if not intact[point]:
+            continue
+        over[point] = over[point] + 1 if moment * arms[point] / square_sum > strength else 0
+        if over[point] >= steps:
+            intact[point] = False
+            torn = True
+    return torn

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from preshape.control.smoothing import SmoothConfig, Smoother, SmoothStatus, stopping_speed
+from preshape.control.smoothing import SmoothConfig, Smoother, SmoothStatus
+from preshape.control.tracking import stopping_speed
 from preshape.hal.layout import LAYOUT
 
 DT = SmoothConfig().period_s
@@ -123,7 +124,7 @@ def test_a_joint_seeded_outside_its_limits_returns_without_a_jump() -> None:
 
 def test_stopping_speed_stops_within_its_distance() -> None:
     distance = np.geomspace(1e-6, 2.0, LAYOUT.dof)
-    v = stopping_speed(distance, LAYOUT.acceleration, LAYOUT.jerk)
+    v = np.array([stopping_speed(*of) for of in zip(distance, LAYOUT.acceleration, LAYOUT.jerk, strict=True)])
     ramp = LAYOUT.acceleration**2 / LAYOUT.jerk
     long_way = v**2 / (2 * LAYOUT.acceleration) + v * LAYOUT.acceleration / (2 * LAYOUT.jerk)
     needed = np.where(v >= ramp, long_way, v**1.5 / np.sqrt(LAYOUT.jerk))
