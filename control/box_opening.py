@@ -30,7 +30,7 @@ from preshape.control.task_stand import stand_up
 from preshape.control.work import Work
 from preshape.hal.layout import SIDES, Side
 from preshape.hal.state import RobotState, Vector
-from preshape.hal.tick_record import TickRecord, note_progress
+from preshape.hal.tick_record import TickRecord, note_opening, note_progress
 from preshape.hal.transform import Matrix
 from preshape.hal.world import (
     FACES,
@@ -149,6 +149,7 @@ class BoxOpening:
         work, estimate = self.work, self.work.sight.estimate
         sample = None if estimate is None else PoseSample(estimate.stamp_ns, estimate.X_world_box)
         note_progress(record, work.task, work.phase, "", sample)
+        note_opening(record, work.opening)
         self.guide.note(record)
         note_aims(record, work.body.aims, None if sample is None else sample.X_world_box)
 

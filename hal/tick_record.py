@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.sah_hand import FINGERS
 from preshape.hal.state import RobotCommand, RobotState
-from preshape.hal.world import PoseSample
+from preshape.hal.world import FACES, Opening, PoseSample
 
 GROUPS = ("palm", "thumb", "fingers")
 """The paper's groups B1, B2, B3: the columns of `group_distance`."""
@@ -52,6 +52,9 @@ TICK = np.dtype(
         ("X_world_preshape", np.float64, (len(SIDES), 4, 4)),
         ("preshape_half", np.float64, (len(SIDES), 3)),
         ("tip_target", np.float64, (len(SIDES), len(FINGERS), 3)),
+        ("opening_face", np.int8),
+        ("opening_edge", np.int8),
+        ("opening_offset", np.float64),
         ("X_world_object", np.float64, (4, 4)),
         ("object_stamp_ns", np.int64),
         # How the loop kept its time.
@@ -67,8 +70,9 @@ controller was still planning, and the setpoint before was repeated. `group_dist
 of each group of the right and of the left hand to what it must not touch; `group_point`, m, and `group_force`, N:
 the reciprocal point there and the force on the group, in the world; NaN where they were not evaluated.
 `X_world_preshape`, `preshape_half` (m) and `tip_target` (m, in the world): the preshaping box that each hand is on
-its way to and where its fingertips shall be; NaN when there is none. `X_world_object` is the estimate used in this
-tick, as old as now_ns - object_stamp_ns; NaN before the first.
+its way to and where its fingertips shall be; NaN when there is none. `opening_face` and `opening_edge`: where the
+opening was found, as indices of `world.FACES`, -1 before; `opening_offset`, m. `X_world_object` is the estimate used
+in this tick, as old as now_ns - object_stamp_ns; NaN before the first.
 """
 
 FIELD_ARRAYS = ("group_distance", "group_point", "group_force")
@@ -85,6 +89,7 @@ def new_record() -> TickRecord:
     record = np.zeros((), TICK)
     for name in ("position", "velocity", "torque", "target", *FIELD_ARRAYS, *AIM_ARRAYS, "X_world_object"):
         record[name] = np.nan
+    note_opening(record, None)
     return record
 
 
@@ -121,6 +126,15 @@ def note_progress(record: TickRecord, task: int, phase: str, mode: str, sample: 
         record["X_world_object"], record["object_stamp_ns"] = np.nan, 0
     else:
         record["X_world_object"], record["object_stamp_ns"] = sample.X_world_box, sample.stamp_ns
+
+
+def note_opening(record: TickRecord, opening: Opening | None) -> None:
+    """Write down where the object's opening has been found; None before."""
+    known = opening is not None
+    record["opening_face"], record["opening_edge"] = (
+        (FACES.index(opening.face), FACES.index(opening.edge)) if known else (-1, -1)
+    )
+    record["opening_offset"] = opening.offset if known else np.nan
 
 
 def note_field(record: TickRecord, distance: ArrayLike, point: ArrayLike, force: ArrayLike) -> None:

@@ -225,9 +225,9 @@ def test_a_run_until_a_task_is_judged_on_the_tasks_up_to_it() -> None:
 
 
 def test_the_page_names_the_cause_before_anything_else_and_needs_no_other_file(result: RunResult) -> None:
-    assert result.evidence is not None and result.evidence.recording is not None
-    recording = result.evidence.recording
-    page = report_page(result.report, b"\x89PNG", None, recording.records(), recording.timing())
+    assert result.evidence is not None and result.evidence.ticks is not None
+    ticks = result.evidence.ticks
+    page = report_page(result.report, b"\x89PNG", None, ticks.records(), ticks.timing())
     assert result.report.failure is not None
     assert unescape(page.split("<h2>")[0]).count(result.report.failure) == 1
     assert set(re.findall(r'(?:src|href)="([^"]{5})', page)) == {"data:"}

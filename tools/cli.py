@@ -13,6 +13,7 @@ from preshape.tools.exit_codes import ExitCode, expected_error
 COMMANDS: dict[str, str] = {
     "plan": "plan a task: priorities, areas, preshaping boxes, preshapes; nothing moves",
     "run": "carry out the procedure and write a report",
+    "replay": "feed a recording through the controller again and compare its commands bit for bit",
     "sweep": "run scenarios over many seeds in parallel and count",
     "doctor": "show this machine, and what the grip holds beside what opening asks",
     "bench": "measure what the parts cost on this machine",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options(RunOptions):
-    """Carry out the procedure in a scenario's world and write report.json, report.html, recording.rrd, storyboard.png.
+    """Carry out the procedure in a scenario's world and write report, recordings and pictures.
 
     Attributes:
         scenario: a scenario's TOML file, or the name of one that is shipped.
@@ -47,6 +47,7 @@ def execute(options: Options) -> int:
     """Run and report; return the exit code."""
     from preshape.tools.configuration import load_scenario
     from preshape.tools.progress import RunProgress
+    from preshape.tools.recorder import Recorder
     from preshape.tools.run_directory import choose_directory, write_run
     from preshape.tools.session import run_session
     from preshape.tools.telemetry_file import load_telemetry
@@ -57,9 +58,10 @@ def execute(options: Options) -> int:
     telemetry = load_telemetry(options.telemetry_config) if wanted else None
     directory = choose_directory(options.out, scenario.name, seed)
     bus_log = directory / "can.log" if options.device == "can" and options.record else None
-    with RunProgress() as progress:
-        result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log)
-    files = write_run(result, directory)
+    with Recorder(directory) as recorder, RunProgress() as progress:
+        kept = recorder if options.record else None
+        result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log, kept)
+    files = recorder.files | write_run(result, directory)
     if bus_log is not None and bus_log.exists():
         files["bus log"] = bus_log
     print(summary(result.report))

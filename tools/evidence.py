@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 from preshape.hal.state import Vector
 from preshape.hal.tick_record import TickRecord, text_of
-from preshape.hal.world import NominalBox, Workcell
 from preshape.tools.plan_drawing import PlanDrawing
-from preshape.tools.rerun_recording import RerunRecording
 from preshape.tools.storyboard import StoryboardRecorder
+from preshape.tools.tick_buffer import TickBuffer
 
 
 class StoryboardObserver:
@@ -36,14 +35,14 @@ class Evidence:
 
     def __init__(self) -> None:
         """Keep nothing yet."""
-        self.recording: RerunRecording | None = None
+        self.ticks: TickBuffer | None = None
         self.storyboard: StoryboardObserver | None = None
         self.plan: PlanDrawing | None = None
 
-    def keep_records(self, workcell: Workcell, box: NominalBox) -> RerunRecording:
-        """Return the observer for the recording and the plots."""
-        self.recording = RerunRecording(workcell, box)
-        return self.recording
+    def keep_ticks(self) -> TickBuffer:
+        """Return the observer for the plots."""
+        self.ticks = TickBuffer()
+        return self.ticks
 
     def keep_pictures(self, positions: Callable[[], Vector]) -> StoryboardObserver:
         """Return the observer for the storyboard."""

@@ -18,9 +18,10 @@ class ExitCode(IntEnum):
 def expected_error(error: Exception) -> ExitCode | None:
     """Return the exit code of an error that a user can cause; None for all others, which are defects."""
     from preshape.hal.device import DeviceUnreachable
+    from preshape.hal.recording import RecordingError
     from preshape.tools.configuration_error import ConfigurationError
 
-    if isinstance(error, ConfigurationError):
+    if isinstance(error, ConfigurationError | RecordingError):
         return ExitCode.USAGE
     if isinstance(error, DeviceUnreachable):
         return ExitCode.UNREACHABLE

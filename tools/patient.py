@@ -81,7 +81,7 @@ class PatientController:
     def note(self, record: TickRecord) -> None:
         """Let the inner controller write into the record, which may be half way through its step; say if it held."""
         self._inner.note(record)
-        record["held"] = self._holding
+        record["held"], self._holding = self._holding, False
 
     def _held_setpoint(self) -> Setpoint:
         if self._setpoint is None:

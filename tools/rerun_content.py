@@ -1,21 +1,26 @@
-"""What a recording shows of a run: plots, states, events and the scene, drawn from the records kept."""
+"""What a recording and the dashboard show of a run: plots, states, events and the scene, drawn as records come in."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.answers import AnyAnswer
 from preshape.hal.state import DeviceStatus
-from preshape.hal.tick_record import TickRecord
+from preshape.hal.tick_record import TICK, TickRecord
 from preshape.hal.world import NominalBox, Workcell
-from preshape.tools.rerun_file import RerunFile
-from preshape.tools.rerun_scene import add_robot, add_surroundings
+from preshape.tools.rerun_field import RerunField
+from preshape.tools.rerun_robot import RerunRobot
+from preshape.tools.rerun_scene import RerunScene
+from preshape.tools.rerun_stream import RerunStream
 from preshape.tools.series import changes, loop_times, record_series
 
+PLOT_INTERVAL_S = 0.02
+"""Plots have a point each such time, s."""
 MOTION_INTERVAL_S = 0.04
 """The scene moves in steps of this interval, s."""
+DOING = ("task", "phase", "mode", "status", "fault", "stop_reason")
+"""Columns whose change is an event."""
 
 
 def texts(column: NDArray[np.bytes_]) -> NDArray[np.str_]:
@@ -24,43 +29,97 @@ def texts(column: NDArray[np.bytes_]) -> NDArray[np.str_]:
     return np.where(decoded == "", "-", decoded)
 
 
-def add_progress(file: RerunFile, records: TickRecord) -> None:
-    """Add task, phase, mode and device status as states, and their changes and the faults as events."""
-    now_ns = records["now_ns"]
-    status = np.array([DeviceStatus(value).name.lower() for value in records["status"].tolist()])
-    task = np.array([f"task {value}" for value in records["task"].tolist()])
-    phase, mode, fault = texts(records["phase"]), texts(records["mode"]), texts(records["fault"])
-    for path, values in (("task", task), ("phase", phase), ("mode", mode), ("device", status)):
-        file.add_states(path, now_ns, values)
-    at = changes(np.array([" ".join(row) for row in zip(task, phase, mode, status, fault, strict=True)]))
-    lines = [f"{task[i]}: {phase[i]}, {mode[i]}, device {status[i]}" for i in at]
-    faulty = [fault[i] != "-" for i in at]
-    lines = [f"{line}: {fault[i]}" if bad else line for line, i, bad in zip(lines, at, faulty, strict=True)]
-    file.add_events(now_ns[at], lines, ["ERROR" if bad else "INFO" for bad in faulty])
+class Thinning:
+    """Chooses one of the rows in each interval of time, over any number of blocks."""
+
+    def __init__(self, interval_s: float) -> None:
+        """Choose the first row of each `interval_s` (s)."""
+        self._interval_ns, self._slot = round(interval_s * 1e9), -1
+
+    def rows(self, now_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the indices of the chosen ones among the next rows (n,)."""
+        slots = now_ns // self._interval_ns
+        before = np.concatenate([[self._slot], slots[:-1]])
+        self._slot = int(slots[-1])
+        return np.flatnonzero(slots != before)
 
 
-def thinned(records: TickRecord, interval_s: float) -> TickRecord:
-    """Return records at least `interval_s` apart, the first and the last among them."""
-    if len(records) == 0:
-        return records
-    slot = (records["now_ns"] - records["now_ns"][0]) // round(interval_s * 1e9)
-    keep = np.append(changes(slot), len(records) - 1)
-    return records[np.unique(keep)]
+class RerunContent:
+    """Draws one run into a stream: `add_ticks` and `add_answer` as things come, `flush` a few times a second."""
+
+    def __init__(
+        self,
+        stream: RerunStream,
+        cell: Workcell,
+        box: NominalBox,
+        plot_s: float = PLOT_INTERVAL_S,
+        motion_s: float = MOTION_INTERVAL_S,
+    ) -> None:
+        """Draw around the controller's own knowledge, plots each `plot_s`, the scene each `motion_s`."""
+        self._stream = stream
+        self._scene = RerunScene(stream, cell, box)
+        self._field = RerunField(stream)
+        self._robot = RerunRobot(stream, cell.X_world_base)
+        self._pending: list[TickRecord] = []
+        self._plots, self._motion = Thinning(plot_s), Thinning(motion_s)
+        self._last: TickRecord | None = None
+
+    def add_ticks(self, records: TickRecord) -> None:
+        """Take the next records (n,) of dtype `TICK`."""
+        if len(records):
+            self._pending.append(records)
+
+    def add_answer(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None = None) -> None:
+        """Take one answer of the controller's perception."""
+        self._scene.add_answer(answer, pixels)
+
+    def flush(self) -> None:
+        """Draw what has come and hand it over."""
+        if self._pending:
+            records, self._pending = np.concatenate(self._pending), []
+            self._draw(records)
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Draw what is left and end the stream."""
+        self.flush()
+        self._stream.close()
+
+    def _draw(self, records: TickRecord) -> None:
+        self._stream.send_series(loop_times(records), records["now_ns"])
+        plotted = records[self._plots.rows(records["now_ns"])]
+        for series in record_series(plotted):
+            self._stream.send_series(series, plotted["now_ns"])
+        self._send_progress(records)
+        motion = records[self._motion.rows(records["now_ns"])]
+        known = motion[~np.isnan(motion["position"][:, 0])]
+        if len(known):
+            self._robot.send(known["now_ns"], known["position"])
+        if len(motion):
+            self._scene.send(motion)
+            self._field.send(motion)
+
+    def _send_progress(self, records: TickRecord) -> None:
+        """Send task, phase, mode and device status as states where they change, and every change as an event."""
+        last = np.zeros(0, TICK) if self._last is None else self._last
+        rows, skip = np.concatenate([last, records]), len(last)
+        self._last = records[-1:].copy()
+        status = np.array([DeviceStatus(value).name.lower() for value in rows["status"].tolist()])
+        task = np.array([f"task {value}" for value in rows["task"].tolist()])
+        columns = {"task": task, "phase": texts(rows["phase"]), "mode": texts(rows["mode"]), "device": status}
+        for path, values in columns.items():
+            at = changes(values)[skip:]
+            self._stream.send_states(path, rows["now_ns"][at], values[at].tolist())
+        new = {name: set(changes(rows[name])[skip:].tolist()) for name in DOING}
+        at = sorted(set().union(*new.values()))
+        events = [_event(rows[row], str(task[row]), str(status[row])) for row in at]
+        self._stream.send_events(rows["now_ns"][at], [text for text, _ in events], [level for _, level in events])
 
 
-def write_recording(
-    path: Path, records: TickRecord, timing: NDArray[np.void], workcell: Workcell, box: NominalBox
-) -> Path:
-    """Write records (n,) and timing (m,) to an .rrd file and return its path."""
-    if len(records) == 0:
-        raise ValueError("a recording needs at least one record")
-    file = RerunFile(path, int(records["now_ns"][0]))
-    for series in record_series(records):
-        file.add_series(series, records["now_ns"])
-    file.add_series(loop_times(timing), timing["now_ns"])
-    add_progress(file, records)
-    motion = thinned(records, MOTION_INTERVAL_S)
-    add_surroundings(file, motion, workcell, box)
-    add_robot(file, motion, workcell)
-    file.close()
-    return path
+def _event(record: TickRecord, task: str, status: str) -> tuple[str, str]:
+    """Return what a record says to the log, and how grave it is."""
+    phase, mode, fault, stop = (record[name].decode("ascii") for name in ("phase", "mode", "fault", "stop_reason"))
+    text = f"{task}: {phase or '-'}, {mode or '-'}, device {status}"
+    if fault:
+        return f"{text}: {fault}", "ERROR"
+    return (f"{text}: stop asked for: {stop}", "WARN") if stop else (text, "INFO")

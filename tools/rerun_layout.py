@@ -1,4 +1,4 @@
-"""How a recording is laid out in the rerun viewer."""
+"""How a run is laid out in the rerun viewer: the one blueprint of recordings and of the live dashboard."""
 
 from __future__ import annotations
 
@@ -6,29 +6,62 @@ import rerun.blueprint as rrb
 
 from preshape.hal.layout import SIDES
 from preshape.hal.sah_hand import FINGERS
-from preshape.tools.scene_view import DEFAULT_EYE, DEFAULT_TARGET
+
+EYE, TARGET = (1.50, -0.80, 1.05), (0.33, -0.05, 0.36)
+"""Where the scene is looked at from, and where to, m."""
+MOST_LOOP_US = 4000.0
+"""Top of the loop's plot, us: two periods. In lockstep planning takes a thousand times longer in single ticks."""
 
 
-def blueprint() -> rrb.Blueprint:
-    """Return the layout: the scene large, beside it states, torque against limit, distances, loop, events."""
-    torques = [f"/{side}/{finger}/torque" for side in SIDES for finger in FINGERS]
-    plots = rrb.Vertical(
-        rrb.StateTimelineView(name="task, phase, mode", contents=["/task", "/phase", "/mode", "/device"]),
-        rrb.Horizontal(*(_plot(f"{side}: torque / limit", [f"/{side}/torque_ratio"]) for side in SIDES)),
-        rrb.Horizontal(*(_plot(f"{side}: distance of groups, m", [f"/{side}/distance"]) for side in SIDES)),
-        rrb.Horizontal(*(_plot(f"{side}: tracking error, rad", [f"/{side}/tracking_error"]) for side in SIDES)),
-        rrb.Tabs(
-            _plot("loop, us", ["/loop/timing"]),
-            _plot("ages, ms", ["/loop/age"]),
+def blueprint(live: bool = False) -> rrb.Blueprint:
+    """Return the layout: scene, camera and events; states, torque against limit, distances, tracking, loop, devices.
+
+    `live` follows the newest data.
+    """
+    eye = rrb.EyeControls3D(position=EYE, look_target=TARGET)
+    left = rrb.Vertical(
+        rrb.Spatial3DView(name="scene", origin="/world", eye_controls=eye),
+        rrb.Horizontal(
+            rrb.Spatial2DView(name="camera", origin="/world/camera"),
             rrb.TextLogView(name="events", contents=["/events"]),
-            *(_plot(path.strip("/").replace("/", " ") + ", N m", [path]) for path in torques),
+            column_shares=[2, 3],
         ),
-        row_shares=[3, 3, 3, 2, 3],
+        row_shares=[5, 2],
     )
-    eye = rrb.EyeControls3D(position=DEFAULT_EYE, look_target=DEFAULT_TARGET)
-    scene = rrb.Spatial3DView(name="scene", origin="/world", eye_controls=eye)
-    return rrb.Blueprint(rrb.Horizontal(scene, plots, column_shares=[5, 6]), collapse_panels=True)
+    plots = rrb.Vertical(
+        rrb.StateTimelineView(name="task, phase, mode, device", contents=["/task", "/phase", "/mode", "/device"]),
+        _pair("torque / limit", "torque_ratio"),
+        _fingers(),
+        _pair("distance of groups, m", "distance"),
+        _pair("tracking error, rad", "tracking_error"),
+        rrb.Horizontal(
+            _plot("loop: lateness and compute, us", "/loop/timing", (0.0, MOST_LOOP_US)),
+            _plot("devices: age of samples, ms", "/loop/age"),
+        ),
+        row_shares=[4, 3, 3, 3, 3, 3],
+    )
+    panel = rrb.TimePanel(state="collapsed", timeline="time", play_state="following" if live else "paused")
+    return rrb.Blueprint(
+        rrb.Horizontal(left, plots, column_shares=[5, 6]),
+        panel,
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
 
 
-def _plot(name: str, contents: list[str]) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(name=name, contents=contents)
+def _plot(name: str, path: str, values: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+    axis = None if values is None else rrb.ScalarAxis(range=values)
+    return rrb.TimeSeriesView(name=name, contents=[path], axis_y=axis)
+
+
+def _pair(name: str, tail: str) -> rrb.Horizontal:
+    return rrb.Horizontal(*(_plot(f"{side}: {name}", f"/{side}/{tail}") for side in SIDES))
+
+
+def _fingers() -> rrb.Horizontal:
+    """Return each hand's joint torques beside the limit they may use now, a tab for each finger."""
+    tabs = (
+        rrb.Tabs(*(_plot(f"{side} {finger}: torque and limit, N m", f"/{side}/{finger}/torque") for finger in FINGERS))
+        for side in SIDES
+    )
+    return rrb.Horizontal(*tabs)

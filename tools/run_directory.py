@@ -35,14 +35,12 @@ def choose_directory(out: Path | None, scenario: str, seed: int) -> Path:
 
 
 def write_run(result: RunResult, directory: Path) -> dict[str, Path]:
-    """Write report.json and what was kept: recording.rrd, plan.png, storyboard.png; then report.html. Return all."""
+    """Write report.json and what was kept: plan.png, storyboard.png; then report.html. Return all."""
     files = {"report": directory / "report.json"}
     files["report"].write_bytes(encode_report(result.report))
     evidence = result.evidence or Evidence()
-    recording = evidence.recording
-    records, timing = (None, None) if recording is None else (recording.records(), recording.timing())
-    if recording is not None and records is not None and len(records):
-        files["recording"] = recording.write(directory / "recording.rrd")
+    ticks = evidence.ticks
+    records, timing = (None, None) if ticks is None else (ticks.records(), ticks.timing())
     if evidence.plan is not None:
         files["plan"] = save_png(plan_picture(evidence.plan), directory / "plan.png")
     storyboard = _storyboard(result)

@@ -35,10 +35,12 @@ _HUES: dict[str, Color] = {
 def geom_color(model: mujoco.MjModel, geom: int) -> Color:
     """Return a geom's own colour, or its link's when the model leaves MuJoCo's default grey."""
     r, g, b = (float(value) for value in model.geom_rgba[geom, :3])
-    if (r, g, b) == _UNCOLORED:
-        body = model.body(model.geom_bodyid[geom]).name
-        return next((hue for prefix, hue in _HUES.items() if body.startswith(prefix)), (0.7, 0.7, 0.72))
-    return r, g, b
+    return link_color(model.body(model.geom_bodyid[geom]).name) if (r, g, b) == _UNCOLORED else (r, g, b)
+
+
+def link_color(link: str) -> Color:
+    """Return the colour in which a link of the robot is drawn."""
+    return next((hue for prefix, hue in _HUES.items() if link.startswith(prefix)), (0.7, 0.7, 0.72))
 
 
 def geom_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Shape:

@@ -59,11 +59,17 @@ def tracking_errors(records: TickRecord, side: Side) -> Series:
 
 
 def ages(records: TickRecord) -> Series:
-    """Return how old the oldest joint sample and the object's pose were when they were used, ms."""
-    joint = (records["now_ns"] - records["stamp_ns"].min(1)) * 1e-6
+    """Return how old each limb's oldest joint sample and the object's pose were when they were used, ms."""
+    limbs = {f"{side} {limb}": part for side in SIDES for limb, part in _limbs(side).items()}
+    oldest = np.column_stack([records["stamp_ns"][:, part].min(1) for part in limbs.values()])
+    joints = (records["now_ns"][:, None] - oldest) * 1e-6
     seen = ~np.isnan(records["X_world_object"][:, 0, 0])
     pose = np.where(seen, (records["now_ns"] - records["object_stamp_ns"]) * 1e-6, np.nan)
-    return Series("loop/age", ("joints", "object pose"), np.column_stack([joint, pose]))
+    return Series("loop/age", (*limbs, "object pose"), np.column_stack([joints, pose]))
+
+
+def _limbs(side: Side) -> dict[str, slice]:
+    return {"arm": LAYOUT.arm(side), "hand": LAYOUT.hand(side)}
 
 
 def loop_times(timing: NDArray[np.void]) -> Series:
@@ -79,6 +85,14 @@ def record_series(records: TickRecord) -> list[Series]:
         series += [torque_ratios(records, side), distances(records, side), tracking_errors(records, side)]
         series += [finger_torques(records, side, finger) for finger in sah_hand.FINGERS]
     return series
+
+
+def shown(known: NDArray[np.bool_], before: bool = True) -> NDArray[np.int64]:
+    """Return the rows to draw of something that is known only at times (n,): where it is, and where it has just gone.
+
+    `before` tells whether it was known in the row before the first.
+    """
+    return np.flatnonzero(known | np.concatenate([[before], known[:-1]]))
 
 
 def changes(values: NDArray[np.generic]) -> NDArray[np.int64]:

@@ -12,18 +12,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
-import numpy as np
-
-from preshape.control.box_opening import BoxOpening
-from preshape.control.carrier import CarryOptions
-from preshape.control.field import FieldOptions
 from preshape.control.loop import ControlLoop
-from preshape.control.loop_result import LoopConfig, LoopResult
+from preshape.control.loop_result import LoopResult
 from preshape.control.observer import Observer, Observers
 from preshape.hal.clock import Clock
 from preshape.hal.gate import SafetyGate
-from preshape.hal.gate_config import GateConfig
 from preshape.hal.kernel_warm_up import remember_signatures
+from preshape.hal.recorded_perception import RecordedPerception
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock
 from preshape.sim_backend.scenario import Scenario
@@ -31,11 +26,12 @@ from preshape.sim_backend.scene import initial_box_pose, nominal_box, workcell
 from preshape.sim_backend.scene_perception import attach_sensors
 from preshape.sim_backend.sensors import SceneSensors
 from preshape.sim_backend.simulation import Simulation
-from preshape.sim_backend.texture import texture_library
+from preshape.tools.controller_setup import ControllerSetup, setup_of
 from preshape.tools.evidence import Evidence
 from preshape.tools.feasibility import impossibility
 from preshape.tools.patient import PatientController
 from preshape.tools.real_time import empty_lateness, real_time
+from preshape.tools.recorder import Recorder
 from preshape.tools.rehearsal import prepare_kernels
 from preshape.tools.run_course import Course, exit_code, run_report
 from preshape.tools.run_options import RunOptions
@@ -75,10 +71,12 @@ def run_session(
     observers: Sequence[Observer] = (),
     telemetry: TelemetryConfig | None = None,
     bus_log: Path | None = None,
+    recorder: Recorder | None = None,
 ) -> RunResult:
     """Carry out the procedure in the world that `seed` draws from a scenario.
 
-    Nothing is written to disk but the frames of a CAN world's buses, to the file `bus_log` if there is one.
+    Nothing is written to disk but what a `recorder` keeps, and the frames of a CAN world's buses, to the file
+    `bus_log` if there is one.
     `observers` are told of every tick besides those that the options ask for; with `telemetry` the run goes out over
     Zenoh, and a stop that is asked for there is obeyed. What nobody could do is a failure before anything moves. An
     exception of the controller is a failure with its text; the loop has stopped the device then.
@@ -97,16 +95,22 @@ def run_session(
     with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log) as world:
         if live is not None and live.waits_for_start:
             options = await_start(live.orders, options)
-        course = _prepare(world, drawn, options, watching)
+        setup = setup_of(drawn, options)
+        if recorder is not None and cause is None:
+            recorder.start(setup)
+        course = _prepare(world, setup, watching, recorder)
         if live is not None:
             live.watch(course.loop, watching)
         if cause is not None:
             course.controller.work.task, course.error = cause
         else:
             if options.record:
-                watching.add(evidence.keep_records(workcell(drawn), nominal_box(drawn)))
+                watching.add(evidence.keep_ticks())
             if options.pictures:
                 watching.add(evidence.keep_pictures(world.scene_positions))
+            if recorder is not None:
+                recorder.ready()
+                watching.add(recorder)
             _run(course, world.clock, options.in_real_time)
         finished = world.finish()
         if live is not None and live.note:
@@ -118,7 +122,7 @@ def run_session(
     report = run_report(drawn, options, course, ended, plan, watching)
     if options.pictures and cause is None:
         evidence.plan = plan_drawing(plan)
-    kept = evidence if evidence.recording or evidence.storyboard else None
+    kept = evidence if evidence.ticks or evidence.storyboard else None
     return RunResult(drawn, report, exit_code(report, course), kept)
 
 
@@ -130,31 +134,11 @@ def _telemetry(
     return Telemetry(config, options.device, options.in_real_time, float(options.rate_hz), workcell(drawn).X_world_base)
 
 
-def _controller(world: RunWorld, drawn: Scenario, options: RunOptions) -> BoxOpening:
-    opening = drawn.opening
-    return BoxOpening(
-        workcell(drawn),
-        nominal_box(drawn),
-        texture_library(opening.tab_length_m, opening.tab_depth_m),
-        world.perception,
-        1.0 / options.rate_hz,
-        FieldOptions(norm=options.norm, ties=options.ties, mode=options.field),
-        world.report_opening,
-        CarryOptions(
-            speed=options.carry_speed,
-            turn_speed=float(np.deg2rad(options.carry_turn_deg)),
-            feed_forward=options.feed_forward,
-        ),
-        options.until_task,
-    )
-
-
-def _prepare(world: RunWorld, drawn: Scenario, options: RunOptions, observer: Observer) -> Course:
-    controller = _controller(world, drawn, options)
-    rate_hz = float(options.rate_hz)
-    config = LoopConfig(rate_hz=rate_hz, max_ticks=round(options.time_limit_s * rate_hz))
-    gate = SafetyGate(GateConfig.at_rate(rate_hz))
-    loop = ControlLoop(world.device, world.clock, gate, observer, time.perf_counter_ns, config)
+def _prepare(world: RunWorld, setup: ControllerSetup, observer: Observer, recorder: Recorder | None) -> Course:
+    perception = world.perception if recorder is None else RecordedPerception(world.perception, recorder.hear)
+    controller = setup.controller(perception, world.report_opening)
+    gate = SafetyGate(setup.gate)
+    loop = ControlLoop(world.device, world.clock, gate, observer, time.perf_counter_ns, setup.loop)
     return Course(controller, loop, world.clock.now_ns() * 1e-9)
 
 

@@ -1,0 +1,106 @@
+"""A run's recorder as the run sees it: it hands over what happens, and a process of its own writes the files."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from multiprocessing.process import BaseProcess
+from multiprocessing.synchronize import Event
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from preshape.hal.answers import AnyAnswer
+from preshape.hal.byte_ring import CAPACITY, PIECE, ByteWriter
+from preshape.hal.device import DeviceUnreachable
+from preshape.hal.tick_record import TickRecord
+from preshape.hal.tick_ring import RingWriter, ring_memory
+from preshape.hal.waiting_ring import WaitingRingWriter
+from preshape.tools.controller_setup import ControllerSetup, encode_setup
+from preshape.tools.recorder_process import READER, Recorded, pack, run_recorder
+
+READY_S = 60.0
+"""Longest time until the process is ready, s."""
+FINISH_S = 120.0
+"""Longest time that it may take to write what is left, s."""
+
+FILES = {"recording": "recording.rrd", "inputs": "recording.mcap"}
+"""What is written into the run's folder."""
+
+
+class Recorder:
+    """An observer, and the listener of a `RecordedPerception`: `start`, `ready`, the run; leaving it ends them.
+
+    In lockstep the run waits for the recorder when that is slower; in a paced run nothing waits, and what could not
+    be handed over is a gap in the recording. When the run is killed, the recorder completes its
+    files.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        """Write into a folder that exists."""
+        self._directory = directory
+        self._process: BaseProcess | None = None
+        self._ticks: RingWriter | WaitingRingWriter | None = None
+        self._answers: ByteWriter | None = None
+        self._is_ready: Event | None = None
+
+    def start(self, setup: ControllerSetup) -> None:
+        """Start the process that writes; returns at once."""
+        context = multiprocessing.get_context("spawn")
+        ticks, answers = ring_memory(context), ring_memory(context, CAPACITY, PIECE)
+        if setup.paced:
+            self._ticks, pieces = RingWriter(ticks), RingWriter(answers, PIECE)
+        else:
+            self._ticks, pieces = WaitingRingWriter(ticks, FINISH_S), WaitingRingWriter(answers, FINISH_S, PIECE)
+            for writer in (self._ticks, pieces):
+                writer.keep_for(READER)
+        self._answers = ByteWriter(pieces)
+        self._is_ready = context.Event()
+        # Paced runs live on the machine's clock, the others begin at zero.
+        wall_ns = time.time_ns() - (time.monotonic_ns() if setup.paced else 0)
+        job = Recorded(str(self._directory), encode_setup(setup), wall_ns)
+        self._process = context.Process(
+            name="recorder", target=run_recorder, args=(job, ticks, answers, self._is_ready), daemon=True
+        )
+        self._process.start()
+
+    def ready(self) -> None:
+        """Wait until the process takes what is handed over; `DeviceUnreachable` if it does not come up."""
+        deadline_s = time.monotonic() + READY_S
+        while self._is_ready is not None and not self._is_ready.wait(0.1):
+            if self._process is None or not self._process.is_alive() or time.monotonic() > deadline_s:
+                raise DeviceUnreachable("recorder process: did not come up")
+
+    def notify(self, record: TickRecord) -> None:
+        """Hand over one tick."""
+        if self._ticks is not None:
+            self._ticks.notify(record)
+
+    def hear(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> None:
+        """Hand over one answer of the perception."""
+        if self._answers is not None:
+            self._answers.send(pack(answer, pixels))
+
+    def finish(self) -> None:
+        """End the recording and wait until it is written; may be called twice."""
+        if self._ticks is None or self._process is None:
+            return
+        self._ticks.end()
+        self._process.join(FINISH_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """What has been written, by name."""
+        paths = {name: self._directory / file for name, file in FILES.items()}
+        started = self._process is not None
+        return {name: path for name, path in paths.items() if started and path.exists()}
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *cause: object) -> None:
+        self.finish()

@@ -1,0 +1,103 @@
+"""The process that writes a run's recording: from two rings in shared memory to two files."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import struct
+import time
+from dataclasses import dataclass
+from multiprocessing.synchronize import Event
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from preshape.hal.answers import AnyAnswer, decode_answer, encode_answer
+from preshape.hal.byte_ring import PIECE, ByteReader
+from preshape.hal.recording_file import RecordingFile
+from preshape.hal.tick_ring import RingMemory, RingReader
+
+if TYPE_CHECKING:
+    from preshape.tools.rerun_content import RerunContent
+
+READER = 0
+"""The recorder's place at its rings: they are its own."""
+NAP_S = 0.05
+"""Time between two looks at an empty ring, s."""
+FLUSH_S = 0.5
+"""Time after which what has come is completed in the files, s."""
+NICENESS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What is recorded: the folder, the controller's setup as JSON, and what the loop's clock lacks to Unix time."""
+
+    directory: str
+    setup: bytes
+    wall_offset_ns: int
+
+
+def pack(answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> bytes:
+    """Return an answer and its image as one message."""
+    text = encode_answer(answer)
+    height, width = (0, 0) if pixels is None else pixels.shape
+    return struct.pack("<III", len(text), height, width) + text + (b"" if pixels is None else pixels.tobytes())
+
+
+def unpack(message: bytes) -> tuple[AnyAnswer, NDArray[np.uint8] | None]:
+    """Return what `pack` has packed."""
+    size, height, width = struct.unpack_from("<III", message)
+    answer = decode_answer(message[12 : 12 + size])
+    pixels = np.frombuffer(message, np.uint8, height * width, 12 + size).reshape(height, width)
+    return answer, pixels if height else None
+
+
+def run_recorder(job: Recorded, ticks: RingMemory, answers: RingMemory, ready: Event) -> None:
+    """Write until the run says that it has ended, or its process is gone; what it has handed over is kept."""
+    from preshape.tools.controller_setup import decode_setup
+    from preshape.tools.rerun_content import RerunContent
+    from preshape.tools.rerun_layout import blueprint
+    from preshape.tools.rerun_stream import RerunStream
+
+    # Ctrl-C is for the run, which then ends the recording.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICENESS)
+    directory, setup = Path(job.directory), decode_setup(job.setup)
+    file = RecordingFile(directory / "recording.mcap", job.setup, job.wall_offset_ns)
+    stream = RerunStream.to_file(directory / "recording.rrd", blueprint())
+    picture = RerunContent(stream, setup.cell, setup.box)
+    try:
+        ready.set()
+        _copy(RingReader(ticks, READER), ByteReader(RingReader(answers, READER, PIECE)), file, picture)
+    finally:
+        file.close()
+        picture.close()
+
+
+def _copy(ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: RerunContent) -> None:
+    run = multiprocessing.parent_process()
+    lost, flushed_s = 0, time.monotonic()
+    while True:
+        alive = run is not None and run.is_alive()
+        # Ticks first: every answer that they rest on is in the other ring by now, and is written before them.
+        records = ticks.read()
+        for answer, pixels in map(unpack, answers.read()):
+            file.add_answer(answer, pixels)
+            picture.add_answer(answer, pixels)
+        if ticks.dropped + answers.lost != lost and len(records):
+            file.add_gap(int(records["tick"][0]), ticks.dropped + answers.lost - lost)
+            lost = ticks.dropped + answers.lost
+        file.add_ticks(records)
+        picture.add_ticks(records)
+        if time.monotonic() - flushed_s > FLUSH_S:
+            file.flush()
+            picture.flush()
+            flushed_s = time.monotonic()
+        if not len(records):
+            if ticks.ended or not alive:
+                return
+            time.sleep(NAP_S)
