@@ -114,8 +114,15 @@ def test_a_run_writes_all_its_files_and_prints_the_folder_last(
     assert any("task 1 grasp: look" in line for line in lines)
     assert any("storyboard.png" in line for line in lines)
     names = {path.name for path in out.iterdir()}
-    assert names == {"report.json", "report.html", "recording.rrd", "plan.png", "storyboard.png"}
+    assert names == {"report.json", "report.html", "recording.rrd", "recording.mcap", "plan.png", "storyboard.png"}
     assert decode_report((out / "report.json").read_bytes()).seed == 5
+    assert exit_code("replay", str(out)) == ExitCode.DONE
+    assert "equal: 101 commands" in capsys.readouterr().out
+    assert exit_code("replay", str(out), "--set", "loop.max_ticks=50") == ExitCode.TASK_FAILED
+    assert "ended early" in capsys.readouterr().out
+    assert exit_code("replay", str(out), "--set", "loop.max_tick=50") == ExitCode.USAGE
+    assert "loop.max_tick: unknown key" in capsys.readouterr().err
+    assert exit_code("replay", str(out / "report.json")) == ExitCode.USAGE
 
 
 def test_the_default_folder_names_scenario_and_seed(
