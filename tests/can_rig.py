@@ -32,7 +32,7 @@ class CanRig(Rig):
         self.topology, self.wrap = topology, wrap
         self.channels = {spec.name: f"test-{number}-{spec.name}" for spec in topology.buses}
         self.robot = BareRobot(seed)
-        buses = {spec.name: open_bus(self.address(spec.name), spec.profile) for spec in topology.buses}
+        buses = {spec.name: self.module_bus(spec) for spec in topology.buses}
         self.rack = ModuleRack(topology, self.robot, buses, seed, reply_s=0.0015)
         self._random = Random(seed)
         device = CanDevice(topology, self.open_bus, config, lambda: self._random.getrandbits(32))
@@ -42,6 +42,10 @@ class CanRig(Rig):
     def address(self, name: str) -> BusAddress:
         """Return where a bus is."""
         return BusAddress("virtual", self.channels[name])
+
+    def module_bus(self, spec: BusSpec) -> can.BusABC:
+        """Open the modules' end of a bus."""
+        return open_bus(self.address(spec.name), spec.profile)
 
     def open_bus(self, spec: BusSpec, identifiers: list[int]) -> can.BusABC:
         bus = open_bus(self.address(spec.name), spec.profile, identifiers)

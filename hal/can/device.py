@@ -28,8 +28,9 @@ OpenBus = Callable[[BusSpec, list[int]], can.BusABC]
 """Opens one bus, for frames of the given identifiers if it can filter; raises `DeviceUnreachable`."""
 
 _NO_COMMAND = -1
-_POLL_SHARE = 0.9
-"""A poll is due after this share of a period: the loop's ticks are not exactly one period apart."""
+_POLL_SHARE, _COMMAND_SHARE = 0.9, 1.5
+"""A poll is due after this share of a period since a poll, for the loop's ticks are not exactly one period apart, and
+of one since a command: the next command comes later in the tick, and is itself the request to report."""
 
 
 def draw_word() -> int:
@@ -203,7 +204,7 @@ class CanDevice:
     def _module_fault(self) -> tuple[str, StopReason]:
         newest, patience = self._inbox.log.newest, self.config.lost_cycles
         for watch in self._inbox.watches.values():
-            if newest - watch.answered > patience:
+            if newest - watch.heard > patience:
                 return watch.life_fault(newest, patience), StopReason.NODE_LOST
             fault = watch.armed_fault(self._armed_since) or watch.identity_fault()
             if fault:
@@ -279,10 +280,11 @@ class CanDevice:
         if self._sent_ns is None:
             return True
         waited_ns = now_ns - self._sent_ns
-        if waited_ns < _POLL_SHARE * self.config.period_s * 1e9:
+        share = _COMMAND_SHARE if self._inbox.log.command(self._inbox.log.newest) != _NO_COMMAND else _POLL_SHARE
+        if waited_ns < share * self.config.period_s * 1e9:
             return False
-        answered = max(watch.answered for watch in self._inbox.watches.values())
-        silent = self._inbox.log.newest - answered > self.config.lost_cycles
+        heard = max(watch.heard for watch in self._inbox.watches.values())
+        silent = self._inbox.log.newest - heard > self.config.lost_cycles
         return not silent or waited_ns >= self.config.silent_poll_s * 1e9
 
     def _broadcast(self, now_ns: int, mode: WireMode, target: Vector, limit: Vector, command: int) -> bool:

@@ -11,8 +11,8 @@ class CanDeviceConfig:
 
     Attributes:
         period_s: time between two commands; without commands the modules are polled as often.
-        lost_cycles: a module that leaves more broadcasts unanswered is lost; so many commands in a row that a bus
-            does not take are a fault of the bus.
+        lost_cycles: a module of which nothing is heard while more broadcasts are sent is lost; so many commands in a
+            row that a bus does not take are a fault of the bus.
         arming_retry_s: an arming request without an answer is repeated after this time.
         arming_s: arming that takes longer has failed.
         silent_poll_s: time between two polls while no module answers: nothing piles up on a dead bus.

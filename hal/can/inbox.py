@@ -85,7 +85,7 @@ class Inbox:
             if not number:
                 counts["unasked"] += 1
                 return
-            answered = watch.answer(number, payload)
+            answered = watch.answer(number, payload, log.newest)
             if answered is not Answered.NEWER:
                 counts["repeated" if answered is Answered.AGAIN else "stale"] += 1
                 return

@@ -24,13 +24,14 @@ class Answered(Enum):
 class NodeWatch:
     """Follows one module. Broadcasts are named by their numbers in a `BroadcastLog`.
 
-    `answered` is the newest broadcast it has answered (0: none yet), `state` and `error` what it said then, `taken`
-    the sequence of the last command it has executed; `key` its present arming key as far as known.
+    `answered` is the newest broadcast it has answered (0: none yet), `heard` the newest that had been sent when that
+    answer came: later by what is on its way. `state` and `error` are what it said then, `taken` the sequence of the
+    last command it has executed; `key` its present arming key as far as known.
     """
 
     def __init__(self, module: Module) -> None:
         self.module = module
-        self.answered = 0
+        self.answered = self.heard = 0
         self.state = ModuleState.DISARMED
         self.error = ModuleError.NONE
         self.taken = -1
@@ -42,10 +43,13 @@ class NodeWatch:
         self._serials: set[int] = set()
         self._firmware_major: int | None = None
 
-    def answer(self, number: int, payload: bytes | bytearray) -> Answered:
-        """Take note that a broadcast was answered; a payload that was answered otherwise before is a contradiction."""
+    def answer(self, number: int, payload: bytes | bytearray, newest: int) -> Answered:
+        """Take note that a broadcast was answered, and which is the newest that has been sent.
+
+        A broadcast that was answered otherwise before is a contradiction.
+        """
         if number > self.answered:
-            self.answered, self._payload = number, payload
+            self.answered, self.heard, self._payload = number, newest, payload
             return Answered.NEWER
         if number < self.answered:
             return Answered.STALE
@@ -80,8 +84,8 @@ class NodeWatch:
 
     def life_fault(self, newest: int, lost_cycles: int) -> str:
         """Return whether a module that has answered before answers no more, or an empty text."""
-        unanswered = newest - self.answered
-        return f"{self} is lost: {unanswered} broadcasts unanswered" if unanswered > lost_cycles else ""
+        silent = newest - self.heard
+        return f"{self} is lost: nothing heard of it for {silent} broadcasts" if silent > lost_cycles else ""
 
     def armed_fault(self, since: int) -> str:
         """Return why a module armed by broadcast number `since` is not armed any more, or an empty text."""
