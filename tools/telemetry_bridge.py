@@ -58,7 +58,7 @@ def run_bridge(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keys = Keys(config.robot)
     try:
-        session = open_session(robot_settings(keys.root, config.endpoint), config.zenoh_config)
+        session = open_session(robot_settings(config.endpoint, [keys.of("**")]), config.zenoh_config)
     except (ConfigurationError, DeviceUnreachable) as error:
         life.send(str(error))
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,14 +32,17 @@ BLOCK_US = 200_000
 """How long an event waits for one subscriber that takes nothing before its connection is closed, us."""
 
 
-def robot_settings(robot_root: str, endpoint: str) -> dict[str, Any]:
-    """Return the settings of a robot's own session: others may listen and ask, and not speak in its name."""
+def robot_settings(endpoint: str, spoken: Sequence[str]) -> dict[str, Any]:
+    """Return the settings of a robot's own session: others may listen and ask, and not speak under its keys.
+
+    `spoken` are the key expressions that are the robot's.
+    """
     rule = {
         "id": "speak",
         "messages": list(SPOKEN),
         "flows": ["ingress"],
         "permission": "deny",
-        "key_exprs": [f"{robot_root}/**"],
+        "key_exprs": list(spoken),
     }
     return {
         "mode": "peer",

@@ -1,0 +1,72 @@
+"""`preshape serve`: hold a device, and the world around it, for a controller in another process."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import tyro
+
+from preshape.tools.configuration_error import ConfigurationError
+from preshape.tools.exit_codes import ExitCode
+from preshape.tools.remote_options import RemoteOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options(RemoteOptions):
+    """Serve a simulated device with its camera and referee over Zenoh, for `preshape run --device zenoh`.
+
+    Ends when a run has been finished; until then one client after the other may open the device. A client that
+    goes away without a word leaves the joints stopped where they are.
+
+    Attributes:
+        device: what is served: MuJoCo in real time.
+        scenario: a scenario's TOML file, or the name of one that is shipped; the run must name the same.
+        seed: what the scenario leaves to chance is drawn by this; default: the scenario's own seed.
+        overrides: a scenario field to be set; may be given several times.
+    """
+
+    device: Literal["mujoco"] = "mujoco"
+    scenario: str = "tea_box"
+    seed: int | None = None
+    overrides: Annotated[
+        tuple[str, ...], tyro.conf.arg(name="set", metavar="TABLE.FIELD=VALUE"), tyro.conf.UseAppendAction
+    ] = ()
+
+    def __post_init__(self) -> None:
+        if self.seed is not None and self.seed < 0:
+            raise ConfigurationError(f"--seed: got {self.seed}, allowed is >= 0")
+
+
+def execute(options: Options) -> int:
+    """Serve until a run has been finished, or Ctrl-C."""
+    from preshape.hal.remote_calls import DEVICE_KEY
+    from preshape.tools.configuration import load_scenario
+    from preshape.tools.device_server import DeviceServer
+    from preshape.tools.remote_world import described
+    from preshape.tools.run_world import open_world
+    from preshape.tools.telemetry_keys import Keys
+    from preshape.tools.zenoh_session import open_session, robot_settings
+
+    scenario = load_scenario(options.scenario, options.overrides)
+    drawn = scenario.drawn(scenario.seed if options.seed is None else options.seed)
+    root = Keys(options.robot).of(DEVICE_KEY)
+    spoken = [f"{root}/{tail}" for tail in ("state", "perception", "scene", "alive", "call/**")]
+    with (
+        open_session(robot_settings(options.endpoint, spoken), options.zenoh_config) as session,
+        open_world(drawn, paced=True) as world,
+    ):
+        server = DeviceServer(session, root, world, described(drawn), _say)
+        _say(f"serving {drawn.name}, seed {drawn.seed}, as {root} at {options.zenoh_config or options.endpoint}")
+        try:
+            server.run()
+        except KeyboardInterrupt:
+            _say("interrupted: the device has been stopped")
+        for reason, count in sorted(server.refused.items()):
+            _say(f"refused, {reason}: {count}")
+    return ExitCode.DONE
+
+
+def _say(text: str) -> None:
+    print(f"preshape serve: {text}", file=sys.stderr, flush=True)

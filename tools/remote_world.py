@@ -1,0 +1,87 @@
+"""The world of a run whose device, sensors and referee are served by another process."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+import numpy as np
+import zenoh
+
+from preshape.hal.clock import Clock, MonotonicClock
+from preshape.hal.device import Device, DeviceUnreachable
+from preshape.hal.remote_device import RemoteDevice
+from preshape.hal.remote_line import RemoteLine
+from preshape.hal.remote_perception import RemotePerception
+from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix
+from preshape.hal.world import Opening, Perception
+from preshape.sim_backend.scenario import Scenario
+from preshape.sim_backend.scene import camera_model
+from preshape.tools.configuration_error import ConfigurationError
+from preshape.tools.run_world import Ended
+from preshape.tools.served_opening import opening_to
+
+
+class RemoteWorld:
+    """`preshape.tools.run_world.RunWorld` behind a line to a server."""
+
+    def __init__(self, line: RemoteLine, drawn: Scenario) -> None:
+        """Take the line; the device is not yet open."""
+        self._line = line
+        self.remote = RemoteDevice(line)
+        self.device: Device = self.remote
+        self.clock: Clock = MonotonicClock()
+        self.perception: Perception = RemotePerception(line, camera_model(drawn))
+
+    def report_opening(self, opening: Opening, X_world_box: Matrix) -> None:
+        """Tell the referee what has been found, without waiting."""
+        self._line.tell("opening", arguments=opening_to(opening, X_world_box))
+
+    def scene_positions(self) -> Vector:
+        """Return the newest positions (nq,) of everything in the scene."""
+        payload = self._line.newest.get("scene")
+        if payload is None:
+            raise DeviceUnreachable("the served world has not sent its scene yet")
+        return np.frombuffer(payload)
+
+    def finish(self) -> Ended:
+        """End the run and return the referee's verdict; `DeviceUnreachable` if the server has gone."""
+        return msgspec.convert(self._line.ask("finish").world, Ended)
+
+
+@contextmanager
+def open_remote_world(session: zenoh.Session, root: str, drawn: Scenario) -> Generator[RemoteWorld]:
+    """Give the world that is served under a key, its device open; leaving closes the line.
+
+    Raises:
+        DeviceUnreachable: nobody serves there, or somebody else is using it.
+        ConfigurationError: another world is served.
+    """
+    line = RemoteLine(session, root)
+    try:
+        world = RemoteWorld(line, drawn)
+        world.remote.open()
+        _check_world(world.remote.world, drawn)
+        yield world
+        world.remote.close()
+    finally:
+        line.close()
+
+
+def described(drawn: Scenario) -> dict[str, Any]:
+    """Return a drawn scenario as JSON holds it."""
+    return msgspec.json.decode(msgspec.json.encode(drawn))
+
+
+def _check_world(served: dict[str, Any] | None, drawn: Scenario) -> None:
+    """Compare the served world's description with the scenario of this run, both drawn."""
+    if served == described(drawn):
+        return
+    there = {"name": "none", "seed": "none"} if served is None else served
+    raise ConfigurationError(
+        f"--scenario, --seed: got {drawn.name} {drawn.seed}, served is {there['name']} {there['seed']} "
+        "(or one with other fields): serve and run the same"
+    )
