@@ -40,7 +40,9 @@ class Served:
 def served(*arguments: str) -> Iterator[Served]:
     """Serve MuJoCo until the test is over."""
     endpoint = free_endpoint()
-    command = [sys.executable, "-c", _PROGRAM, "serve", "--endpoint", endpoint, *arguments]
+    # These tests are not about time: joints are patient on machines that stall.
+    patient = ["--patience-cycles", "200"]
+    command = [sys.executable, "-c", _PROGRAM, "serve", "--endpoint", endpoint, *patient, *arguments]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     try:

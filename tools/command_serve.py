@@ -11,6 +11,7 @@ import tyro
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.remote_options import RemoteOptions
+from preshape.tools.run_options import ProfileName, RunOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,13 +22,21 @@ class Options(RemoteOptions):
     goes away without a word leaves the joints stopped where they are.
 
     Attributes:
-        device: what is served: MuJoCo in real time.
+        device: what is served, in real time: MuJoCo, or joint modules on CAN buses with MuJoCo behind them.
+        rate_hz: states a second, and commands a second that the joints expect.
+        interface, channel, profile: of the buses, as of `preshape run`.
+        patience_cycles: cycles without a command until the joints stop by themselves.
         scenario: a scenario's TOML file, or the name of one that is shipped; the run must name the same.
         seed: what the scenario leaves to chance is drawn by this; default: the scenario's own seed.
         overrides: a scenario field to be set; may be given several times.
     """
 
-    device: Literal["mujoco"] = "mujoco"
+    device: Literal["mujoco", "can"] = "mujoco"
+    rate_hz: int = 500
+    interface: str = ""
+    channel: tuple[str, ...] = ()
+    profile: ProfileName = "fd"
+    patience_cycles: int = 5
     scenario: str = "tea_box"
     seed: int | None = None
     overrides: Annotated[
@@ -37,6 +46,20 @@ class Options(RemoteOptions):
     def __post_init__(self) -> None:
         if self.seed is not None and self.seed < 0:
             raise ConfigurationError(f"--seed: got {self.seed}, allowed is >= 0")
+        _ = self.run
+
+    @property
+    def run(self) -> RunOptions:
+        """The run whose world is served."""
+        return RunOptions(
+            device=self.device,
+            paced=True,
+            rate_hz=self.rate_hz,
+            interface=self.interface,
+            channel=self.channel,
+            profile=self.profile,
+            patience_cycles=self.patience_cycles,
+        )
 
 
 def execute(options: Options) -> int:
@@ -55,9 +78,9 @@ def execute(options: Options) -> int:
     spoken = [f"{root}/{tail}" for tail in ("state", "perception", "scene", "alive", "call/**")]
     with (
         open_session(robot_settings(options.endpoint, spoken), options.zenoh_config) as session,
-        open_world(drawn, paced=True) as world,
+        open_world(drawn, options.run) as world,
     ):
-        server = DeviceServer(session, root, world, described(drawn), _say)
+        server = DeviceServer(session, root, world, described(drawn), float(options.rate_hz), _say)
         _say(f"serving {drawn.name}, seed {drawn.seed}, as {root} at {options.zenoh_config or options.endpoint}")
         try:
             server.run()

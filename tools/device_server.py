@@ -22,8 +22,6 @@ from preshape.tools.run_world import RunWorld
 from preshape.tools.served_opening import opening_from
 from preshape.tools.telemetry_publisher import payload_of
 
-PERIOD_NS = 2_000_000
-"""Time between two states, ns."""
 SEEN_EVERY, SCENE_EVERY = 5, 20
 """Of so many states, one comes with what is seen, or with where everything is."""
 NOBODY = 0
@@ -47,13 +45,13 @@ class DeviceServer:
     """
 
     def __init__(
-        self, session: zenoh.Session, root: str, world: RunWorld, describe: Mapping[str, Any],
+        self, session: zenoh.Session, root: str, world: RunWorld, describe: Mapping[str, Any], rate_hz: float = 500.0,
         note: Callable[[str], None] = lambda text: None,
     ) -> None:  # fmt: skip
         """Declare everything under `preshape/<robot>/device`; `describe` is told to clients, `note` of what changes."""
         self._session, self._root, self._world, self._note = session, root, world, note
         self._describe, self._device = dict(describe), world.device
-        self._gate = GateConfig()
+        self._gate, self._period_ns = GateConfig.at_rate(rate_hz), round(1e9 / rate_hz)
         self._inbox: SimpleQueue[_Arrived] = SimpleQueue()
         self._images = ThreadPoolExecutor(1, "images")
         self._client, self._epoch = NOBODY, 0
@@ -84,7 +82,7 @@ class DeviceServer:
         try:
             while not (self.finished or until()):
                 self._publish()
-                due_ns = max(due_ns + PERIOD_NS, time.monotonic_ns())
+                due_ns = max(due_ns + self._period_ns, time.monotonic_ns())
                 self._serve_until(due_ns)
         finally:
             self._images.shutdown(wait=True)

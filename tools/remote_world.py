@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import zenoh
 
 from preshape.hal.clock import Clock, MonotonicClock
 from preshape.hal.device import Device, DeviceUnreachable
+from preshape.hal.remote_calls import DEVICE_KEY
 from preshape.hal.remote_device import RemoteDevice
 from preshape.hal.remote_line import RemoteLine
 from preshape.hal.remote_perception import RemotePerception
@@ -21,8 +21,11 @@ from preshape.hal.world import Opening, Perception
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import camera_model
 from preshape.tools.configuration_error import ConfigurationError
-from preshape.tools.run_world import Ended
+from preshape.tools.remote_options import RemoteOptions
+from preshape.tools.run_ended import Ended
 from preshape.tools.served_opening import opening_to
+from preshape.tools.telemetry_keys import Keys
+from preshape.tools.zenoh_session import client_settings, open_session
 
 
 class RemoteWorld:
@@ -53,22 +56,24 @@ class RemoteWorld:
 
 
 @contextmanager
-def open_remote_world(session: zenoh.Session, root: str, drawn: Scenario) -> Generator[RemoteWorld]:
-    """Give the world that is served under a key, its device open; leaving closes the line.
+def open_served_world(options: RemoteOptions, drawn: Scenario) -> Generator[RemoteWorld]:
+    """Give the world that a server holds, its device open; leaving closes it.
 
     Raises:
         DeviceUnreachable: nobody serves there, or somebody else is using it.
         ConfigurationError: another world is served.
     """
-    line = RemoteLine(session, root)
-    try:
+    root = Keys(options.robot).of(DEVICE_KEY)
+    with open_session(client_settings(options.endpoint), options.zenoh_config) as session:
+        line = RemoteLine(session, root)
         world = RemoteWorld(line, drawn)
-        world.remote.open()
-        _check_world(world.remote.world, drawn)
-        yield world
-        world.remote.close()
-    finally:
-        line.close()
+        try:
+            world.remote.open()
+            _check_world(world.remote.world, drawn)
+            yield world
+        finally:
+            world.remote.close()
+            line.close()
 
 
 def described(drawn: Scenario) -> dict[str, Any]:

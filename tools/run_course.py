@@ -14,10 +14,10 @@ from preshape.sim_backend.referee_report import TASK_NAMES
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import SCHEMA, LoopReport, Report, SimReport, TaskReport, loop_report, referee_report
+from preshape.tools.run_ended import Ended
 from preshape.tools.run_failure import name_failure
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import RunPlan, plan_report
-from preshape.tools.run_world import Ended
 
 
 @dataclass(slots=True, eq=False)

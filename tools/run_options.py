@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from preshape.tools.configuration_error import ConfigurationError
+from preshape.tools.remote_options import RemoteOptions
 
-DeviceName = Literal["mujoco", "can"]
+DeviceName = Literal["mujoco", "can", "zenoh"]
 ProfileName = Literal["fd", "classic"]
 FieldName = Literal["grouped", "summed"]
 TiesName = Literal["smooth", "hard"]
@@ -30,7 +31,8 @@ class RunOptions:
     """How a run is done.
 
     Attributes:
-        device: what the joints are: simulated in MuJoCo, or joint modules on CAN buses with MuJoCo behind them.
+        device: what the joints are: simulated in MuJoCo, joint modules on CAN buses with MuJoCo behind them, or
+            whatever a running `preshape serve` holds (in real time).
         paced: in real time, the physics in a process of its own; else in lockstep, as fast as it goes.
         rate_hz: ticks per second; a divisor of 1000.
         interface: of the buses: virtual (lockstep), udp_multicast or socketcan (paced, and implying it); default:
@@ -40,6 +42,7 @@ class RunOptions:
         patience_cycles: cycles without a command until a module stops by itself, and without an answer until a
             module counts as lost.
         attach: the modules and the scene are those of a running `preshape hand-bus`.
+        remote: where that server is found.
         field: minimum distance per group (the paper), or every bounding box by itself (its baseline).
         ties: smooth weights for nearly equal distances, or the paper's averaged tie set.
         norm: the distance between boxes.
@@ -64,6 +67,7 @@ class RunOptions:
     profile: ProfileName = "fd"
     patience_cycles: int = 5
     attach: bool = False
+    remote: RemoteOptions = RemoteOptions()
     field: FieldName = "grouped"
     ties: TiesName = "smooth"
     norm: NormName = "l2"
@@ -93,9 +97,9 @@ class RunOptions:
         ):
             if not 0.0 <= value <= most:
                 raise ConfigurationError(f"{flag}: got {value:g}, allowed is 0 .. {most:g}")
-        if self.faults and self.device == "mujoco":
+        if self.faults and self.device != "can":
             raise ConfigurationError(
-                f"--faults: got {self.faults!r}, allowed is none with --device mujoco: it has no bus"
+                f"--faults: got {self.faults!r}, allowed is none with --device {self.device}: it has no bus"
             )
         if not 1 <= self.until_task <= TASKS:
             raise ConfigurationError(f"--until-task: got {self.until_task}, allowed is 1 .. {TASKS}")
@@ -105,7 +109,7 @@ class RunOptions:
     @property
     def in_real_time(self) -> bool:
         """Whether the run goes by the machine's clock."""
-        return self.paced or self.attach or self.interface not in ("", "virtual")
+        return self.paced or self.attach or self.device == "zenoh" or self.interface not in ("", "virtual")
 
     def _refuse_bus_options(self) -> None:
         given = {"--interface": self.interface, "--channel": self.channel, "--attach": self.attach}

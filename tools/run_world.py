@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -16,24 +15,11 @@ from preshape.hal.world import Opening, Perception
 from preshape.sim_backend.can_lockstep import open_can_lockstep
 from preshape.sim_backend.lockstep import LockstepWorld, open_lockstep
 from preshape.sim_backend.paced import PacedWorld
-from preshape.sim_backend.referee_report import Verdict
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.can_setup import can_setup
+from preshape.tools.remote_world import open_served_world
+from preshape.tools.run_ended import Ended
 from preshape.tools.run_options import RunOptions
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ended:
-    """What the world's side knows when a run is over.
-
-    `slipped_s`: time by which a paced scene stood still because the machine did not run it; `kicks`: each
-    disturbance given, (task, s).
-    """
-
-    verdict: Verdict
-    simulated_s: float
-    slipped_s: float = 0.0
-    kicks: tuple[tuple[int, float], ...] = ()
 
 
 class RunWorld(Protocol):
@@ -118,8 +104,11 @@ def open_world(drawn: Scenario, options: RunOptions, bus_log: Path | None = None
     if options.device == "can":
         with open_can_world(drawn, options, bus_log) as world:
             yield world
+    elif options.device == "zenoh":
+        with open_served_world(options.remote, drawn) as world:
+            yield world
     elif options.in_real_time:
-        with PacedWorld(drawn, period_s=period_s) as processes:
+        with PacedWorld(drawn, options.patience_cycles, period_s) as processes:
             processes.device.open()
             yield PacedRun(processes)
     else:
