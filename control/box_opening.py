@@ -21,6 +21,7 @@ from preshape.control.hand import Hand
 from preshape.control.motions import Motion, wait
 from preshape.control.opening_frame import opening_frame
 from preshape.control.opening_motion import HandWaypoint, open_motion, push_motion
+from preshape.control.sensor_watch import SensorWatch
 from preshape.control.sight import Sight
 from preshape.control.task_grasp import grasp_box, put_back, shown_face
 from preshape.control.task_open import play, present
@@ -99,6 +100,7 @@ class BoxOpening:
         self._report_opening = report_opening
         self._place = AirPlace()
         self._courses: tuple[Course, ...] = ()
+        self._sensors = SensorWatch()
         self._phase, self._phase_ns = (0, ""), 0
         self._procedure = self._run()
         self._finished = False
@@ -108,6 +110,9 @@ class BoxOpening:
         work = self.work
         work.body.update(now_ns, state)
         work.sight.update(now_ns)
+        frozen = self._sensors.update(state.torque)
+        if frozen:
+            work.notes.append(f"torque sensor frozen, found in task {work.task} ({work.phase}): {', '.join(frozen)}")
         for side in SIDES:
             work.hands[side].update()
         if work.sight.held_by is not None:

@@ -3,7 +3,8 @@
 Fingers move along internal-force directions: each driven joint turns by dq = k (tau_goal - tau) dt, cut to a
 speed. A finger that meets the object first waits there until its opponents have met it too, so that the
 object is not dragged. Holding keeps the torques by slow integration on the position, which stays stiff for
-what is fast.
+what is fast. A joint whose torque sensor says nothing new is led by what its drive may use: it pushes with that torque
+and no more, and has met the object when it stays behind its target.
 """
 
 from __future__ import annotations
@@ -33,8 +34,13 @@ MOST_TRAVEL = 0.75
 """A driven joint that has turned this far without touching has missed, rad."""
 LET_GO_RAD = 0.03
 """The driven joints count as open from here, rad."""
+BEHIND_RAD = 0.06
+"""A joint without a torque sensor that stays this far behind its target has met something, rad."""
 SENSELESS_NM = 0.2
-"""A joint whose sensor says nothing may use its goal's torque, and this much at least, N m."""
+"""A joint whose sensor says nothing may use its goal's torque, and this much at least, N m.
+
+Until all have met the object it may use no more than this: enough to move, too little to push the object away.
+"""
 STALE_S = 0.05
 """Samples older than this are not integrated on."""
 
@@ -79,6 +85,7 @@ class Grasp:
         self._creep = np.zeros(HAND_DOF)
         self._share = 1.0
         self._filtered = np.zeros(HAND_DOF)
+        self._behind = np.zeros(HAND_DOF, dtype=np.bool_)
 
     def close(self) -> None:
         """Begin closing, from the angles asked for last."""
@@ -102,6 +109,7 @@ class Grasp:
         self._filtered += min(1.0, dt / TORQUE_FILTER_S) * (torque - self._filtered)
         torque = self._filtered
         usable = ~self._touch.frozen & (age_s < STALE_S)
+        self._behind = self._touch.frozen & (np.abs(self._target - position) > BEHIND_RAD)
         if self.status is GraspStatus.CLOSING:
             self._close_on(dt, torque, usable)
         elif self.status is GraspStatus.HOLDING:
@@ -121,18 +129,27 @@ class Grasp:
             self._meet(dt, stage, driven)
         else:
             self._drive(dt, torque, stage.torques, driven & usable, TIGHTENING_SPEED)
+            self._push(dt, stage.torques, driven & self._touch.frozen & ~self._behind)
         if self._stage_done(stage, driven, torque):
             self._next_stage()
 
     def _meet(self, dt: float, stage: Stage, driven: Flags) -> None:
         """Turn every driven joint that has not touched yet towards the object; those that have, wait."""
-        going = driven & ~self._touch.touching
-        step = np.sign(np.nan_to_num(stage.torques)) * CLOSING_SPEED * dt
-        self._target[going] = np.clip(self._target + step, self._lower, self._upper)[going]
+        going = driven & ~self._met_object
+        self._push(dt, stage.torques, going)
         missed = going & (np.abs(self._target - self._start) > MOST_TRAVEL)
         if missed.any() or (self._elapsed > stage.seconds and going.any()):
             self.status = GraspStatus.MISSED
             self.reason = "has closed without meeting the box"
+
+    @property
+    def _met_object(self) -> Flags:
+        """The joints that have met the object, by their torque or, without a sensor, by staying behind."""
+        return self._touch.touching | self._behind
+
+    def _push(self, dt: float, goal: Vector, joints: Flags) -> None:
+        step = np.sign(np.nan_to_num(goal)) * CLOSING_SPEED * dt
+        self._target[joints] = np.clip(self._target + step, self._lower, self._upper)[joints]
 
     def _drive(self, dt: float, torque: Vector, goal: Vector, joints: Flags, speed: float) -> None:
         step = np.clip(TIGHTENING_GAIN * (np.nan_to_num(goal) - torque), -speed, speed) * dt
@@ -140,10 +157,11 @@ class Grasp:
 
     def _stage_done(self, stage: Stage, driven: Flags, torque: Vector) -> bool:
         if stage.touch:
-            return bool(self._touch.touching[driven].all())
+            return bool(self._met_object[driven].all())
         if np.isfinite(stage.angles).any() and self._elapsed < stage.seconds:
             return False
-        met = np.abs(torque[driven]) >= MET * np.abs(stage.torques[driven])
+        told = np.where(self._touch.frozen, self._behind, np.abs(torque) >= MET * np.abs(stage.torques))
+        met = told[driven]
         return bool(met.all()) or self._elapsed >= stage.seconds
 
     def _next_stage(self) -> None:
@@ -173,4 +191,7 @@ class Grasp:
 
     def _limits(self, usable: Flags) -> Vector:
         """Return the torque limits; a joint whose sensor says nothing may not use more than its goal."""
-        return np.where(usable, self._torque_limit, self._senseless_limit)
+        senseless = self._senseless_limit
+        if self.status is GraspStatus.CLOSING and self.grip.stages[self._stage].touch:
+            senseless = np.where(self._driven, np.minimum(senseless, SENSELESS_NM), senseless)
+        return np.where(usable, self._torque_limit, senseless)

@@ -93,6 +93,12 @@ class JointDrives:
         """Return stiffness (N m/rad) and damping (N m s/rad) of some joints' position loops."""
         return self._stiffness[joints].copy(), self._damping[joints].copy()
 
+    @property
+    def targets(self) -> Vector:
+        """The interpolated targets (40,) of this moment, without the lead; rad where a joint is in position mode."""
+        share = np.minimum(self._row / np.maximum(self._count, 1.0), 1.0)
+        return np.where(self._row < self._count, self._start + share * self._travel, self._target)
+
     def _rest_at(self, values: ArrayLike, joints: Joints) -> None:
         self._target[joints] = values
         self._row[joints], self._count[joints] = 0.0, 0.0

@@ -9,6 +9,7 @@ from preshape.hal.layout import LAYOUT
 from preshape.hal.transform import Matrix, inverse
 from preshape.hal.world import FACES, Face
 from preshape.sim_backend.clearance import Clearance
+from preshape.sim_backend.commanded_palm import CommandedPalm
 from preshape.sim_backend.contact_rules import CLASS, SELF, geom_classes, hand
 from preshape.sim_backend.contact_scan import LEFT_ON_BOX, RIGHT_ON_BOX, TABLE_ON_BOX, ContactScan
 from preshape.sim_backend.hold_slip import HoldSlip, Sustained
@@ -49,7 +50,7 @@ class Referee:
         self._crush_n = scenario.strengths.crush_n * scenario.strengths.scale
         self._lid = LidTruth(simulation)
         self._max_angles = np.zeros(2)
-        self._right_palm = model.body("right_palm").id
+        self._commanded_palm = CommandedPalm(model, simulation.drives, "right")
         self._clearance = _right_hand_clearance(simulation)
         self._bits = 0
         self._is_clear = False
@@ -164,11 +165,15 @@ class Referee:
             self._watch_regrasp(bool(bits & LEFT_ON_BOX))
 
     def _watch_regrasp(self, left_touches: bool) -> None:
-        """Follow the box in the right hand from the left hand's first touch until the left carries more load."""
+        """Follow the box from the left hand's first touch until the left carries more load.
+
+        It is followed in the frame of the right palm as commanded: what the hand is told to do with the box is taken
+        out, what gives way in hand or arm when the other one takes hold is not.
+        """
         if not left_touches:
             self._left_off_s += TIMESTEP_S
             return
-        X_palm_box = inverse(self._pose(self._right_palm)) @ self._simulation.X_world_box
+        X_palm_box = inverse(self._commanded_palm.pose()) @ self._simulation.X_world_box
         if self._left_off_s >= RETAKE_S:
             self._X_palm_box = X_palm_box
         self._left_off_s = 0.0
@@ -193,11 +198,6 @@ class Referee:
         for first, second, kind in fresh.tolist():
             names = sorted((model.geom(first).name, model.geom(second).name), key=_link_first)
             (self._self if kind == SELF else self._undesired).append((names[0], names[1], round(seconds, 3)))
-
-    def _pose(self, body: int) -> Matrix:
-        X = np.eye(4)
-        X[:3, :3], X[:3, 3] = self._simulation.data.xmat[body].reshape(3, 3), self._simulation.data.xpos[body]
-        return X
 
 
 def _right_hand_clearance(simulation: Simulation) -> Clearance:

@@ -41,7 +41,8 @@ class Verdict:
         max_commanded_ratio: largest torque or torque limit asked of a joint, over its limit.
         hold_slip_mm: sliding at the holding hand's contacts, weighted by load; of the two hands', the larger.
         worst_link_slip_mm: the same of the one hand part that slid most.
-        regrasp_motion_mm: farthest the box moved in the holding hand while the other one took it.
+        regrasp_motion_mm: farthest the box moved, beyond what its holding hand was told to do, while the other hand
+            took it: from that hand's first touch until it bears more load.
         max_panel_load_n: largest force into one face of the box that lasted for the tear time, by face.
         tab_angle_deg, lid_angle_deg: at the end; `max_` the largest.
         opening_error: of the reported opening, (m, rad), None before a report.

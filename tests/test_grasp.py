@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from preshape.control.grasp import MOST_TRAVEL, OPENING_SPEED, Grasp, GraspStatus
+from preshape.control.grasp import BEHIND_RAD, MOST_TRAVEL, OPENING_SPEED, SENSELESS_NM, Grasp, GraspStatus
 from preshape.control.grips import Grip, brace_grip, cage_grip
 from preshape.control.touch import FROZEN_TICKS
 from preshape.hal.layout import HAND_DOF, LAYOUT
@@ -38,6 +38,14 @@ class Box:
         self._said = torque
         return torque
 
+    def stopped(self, target: Vector) -> Vector:
+        """Return the angles (13) that joints reach at these commanded ones: silent joints stop at the box."""
+        position = target.copy()
+        beyond = self._sign * (target - self._wall) > 0.0
+        blocked = [joint for joint in self.silent if self.there and beyond[joint]]
+        position[blocked] = self._wall[blocked]
+        return position
+
 
 class Bench:
     """A grasp and its box, stepped together."""
@@ -57,7 +65,8 @@ class Bench:
             if self.grasp.status is until:
                 break
             self.torque = self.box.answer(self.target)
-            self.target, self.limit = self.grasp.step(DT, self.target, np.zeros(HAND_DOF), self.torque, self.age_s)
+            position = self.box.stopped(self.target)
+            self.target, self.limit = self.grasp.step(DT, position, np.zeros(HAND_DOF), self.torque, self.age_s)
             targets.append(self.target)
         return targets
 
@@ -156,6 +165,36 @@ def test_a_frozen_sensor_tightens_its_own_limit_alone_and_its_pair_stands_still(
     assert np.ptp(np.array(still)[:, [thumb, middle]], axis=0).max() == 0.0
     assert np.flatnonzero(bench.limit < LAYOUT.torque[HAND]).tolist() == [thumb]
     assert bench.limit[thumb] == pytest.approx(abs(bench.grip.torques[thumb]))
+
+
+@pytest.mark.parametrize("name", ["thumb_flex", "middle_flex"])
+@pytest.mark.parametrize("grip", both(), ids=lambda grip: grip.name)
+def test_a_finger_whose_sensor_was_frozen_before_closes_by_what_it_may_push_and_never_pushes_more(
+    grip: Grip, name: str
+) -> None:
+    joint = ACTUATED.index(name)
+    bench = Bench(grip, 0.2)
+    bench.box.silent = [joint]
+    bench.run((FROZEN_TICKS + 2) * DT)
+    bench.grasp.close()
+    most = 0.0
+    while bench.grasp.status is GraspStatus.CLOSING:
+        stage = bench.grasp._stage
+        bench.run(DT)
+        meeting = stage == bench.grasp._stage and grip.stages[stage].touch
+        assert not meeting or bench.limit[joint] <= SENSELESS_NM + 1e-12
+        most = max(most, bench.limit[joint])
+    assert bench.grasp.status is GraspStatus.HOLDING
+    assert most == pytest.approx(abs(grip.torques[joint]))
+    assert abs(bench.target[joint] - bench.box.stopped(bench.target)[joint]) > BEHIND_RAD
+
+
+def test_a_finger_without_a_sensor_that_meets_nothing_has_missed() -> None:
+    bench = Bench(cage_grip(SIZE, "+z", "+y", "right"))
+    bench.box.silent, bench.box.there = [ACTUATED.index("thumb_flex")], False
+    bench.grasp.close()
+    bench.run(8.0, GraspStatus.MISSED)
+    assert bench.grasp.status is GraspStatus.MISSED
 
 
 @pytest.mark.parametrize("grip", both(), ids=lambda grip: grip.name)

@@ -7,6 +7,7 @@ import pytest
 
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import DeviceStatus, Mode, RobotCommand
+from preshape.sim_backend.commanded_palm import CommandedPalm
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock, open_lockstep
 from preshape.sim_backend.robot_model import joint_addresses
@@ -157,3 +158,23 @@ def test_lockstep_perception_sees_the_box_where_it_is() -> None:
     column, row = camera.width / 2 + camera.focal_px * x / z, camera.height / 2 + camera.focal_px * y / z
     assert image.pixels.shape == (camera.height, camera.width)
     assert image.pixels[round(row), round(column)] > 0
+
+
+def test_the_commanded_palm_follows_the_commands_and_not_what_pushes_the_arm() -> None:
+    simulation = Simulation(DRAWN.drawn(0))
+    palm = CommandedPalm(simulation.model, simulation.drives, "right")
+    body = simulation.model.body("right_palm").id
+    simulation.step(200)
+    at_rest = palm.pose()
+    np.testing.assert_allclose(at_rest[:3, 3], simulation.data.xpos[body], atol=1e-3)
+    simulation.data.xfrc_applied[body, 1] = 20.0
+    simulation.step(300)
+    np.testing.assert_array_equal(palm.pose(), at_rest)
+    assert np.linalg.norm(simulation.data.xpos[body] - at_rest[:3, 3]) > 1e-3
+    simulation.data.xfrc_applied[body] = 0.0
+    goal = home_position()
+    goal[LAYOUT.arm("right")] += 0.05
+    simulation.drives.follow(goal, LAYOUT.torque, 0.3)
+    simulation.step(600)
+    assert np.linalg.norm(palm.pose()[:3, 3] - at_rest[:3, 3]) > 0.02
+    np.testing.assert_allclose(palm.pose()[:3, 3], simulation.data.xpos[body], atol=1e-3)

@@ -63,7 +63,6 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     cause: str | None
     tasks_done: tuple[bool, ...] = (False,) * 5
     attempts: tuple[int, ...] = (0,) * 5
-    regrasp_motion_mm: float = 0.0
     simulated_s: float = 0.0
     wall_s: float = 0.0
     overruns: int = 0
@@ -120,7 +119,6 @@ def run_case(case: RunCase) -> RunOutcome:
         cause=report.cause,
         tasks_done=tuple(task.outcome == "done" for task in report.tasks),
         attempts=tuple(task.attempts for task in report.tasks),
-        regrasp_motion_mm=report.referee.regrasp_motion_mm,
         simulated_s=report.sim.seconds,
         overruns=report.loop.overruns,
         commands_sha256=report.commands_sha256,
