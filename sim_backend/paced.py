@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from threading import Lock
@@ -44,11 +44,12 @@ START_S = 60.0
 ANSWER_S = 5.0
 
 
-class _Line:
-    """Requests to one child process: at most one question under way, from any thread."""
+class Line:
+    """Requests to one other process: at most one question under way, from any thread."""
 
-    def __init__(self, connection: Connection, child: BaseProcess) -> None:
-        self._connection, self._child = connection, child
+    def __init__(self, connection: Connection, name: str) -> None:
+        """Talk over a connection to a process of a name."""
+        self._connection, self._name = connection, name
         self._lock = Lock()
 
     def tell(self, request: object) -> None:
@@ -66,25 +67,25 @@ class _Line:
                 self._connection.send(request)
                 return self._receive(within_s)
             except (OSError, EOFError) as gone:
-                raise DeviceUnreachable(f"{self._child.name} process has ended") from gone
+                raise DeviceUnreachable(f"{self._name} process has ended") from gone
 
     def expect_ready(self) -> None:
         """Wait for the child's first word."""
         try:
             self._receive(START_S)
         except (OSError, EOFError) as gone:
-            raise DeviceUnreachable(f"{self._child.name} process ended before it was ready") from gone
+            raise DeviceUnreachable(f"{self._name} process ended before it was ready") from gone
 
     def _receive(self, within_s: float) -> Any:
         if not self._connection.poll(within_s):
-            raise DeviceUnreachable(f"{self._child.name} process: no answer within {within_s:g} s")
+            raise DeviceUnreachable(f"{self._name} process: no answer within {within_s:g} s")
         return self._connection.recv()
 
 
 class PacedDevice:
     """`preshape.hal.device.Device` whose joints move in the physics process; `read` and `write` never wait."""
 
-    def __init__(self, line: _Line, state: SharedBlock, command: SharedBlock) -> None:
+    def __init__(self, line: Line, state: SharedBlock, command: SharedBlock) -> None:
         """Talk to the physics process over its line and its two blocks of shared memory."""
         self._line, self._state, self._command = line, state, command
         self._armed = False
@@ -160,7 +161,7 @@ class PacedDevice:
 class PacedPerception:
     """`preshape.hal.world.Perception` over the two processes; `image` blocks its thread, not the physics."""
 
-    def __init__(self, scenario: Scenario, state: SharedBlock, camera: _Line, pixels: NDArray[np.uint8]) -> None:
+    def __init__(self, scenario: Scenario, state: SharedBlock, camera: Line, pixels: NDArray[np.uint8]) -> None:
         """Read poses from the physics' block and images from the camera process."""
         self._state, self._camera, self._pixels = state, camera, pixels
         self._lens = camera_model(scenario)
@@ -191,7 +192,7 @@ class PacedPerception:
 class PacedReferee:
     """The way to the referee, who sits in the physics process."""
 
-    def __init__(self, line: _Line) -> None:
+    def __init__(self, line: Line) -> None:
         """Talk to the physics process over its line."""
         self._line = line
 
@@ -220,14 +221,14 @@ class PacedWorld:
         pixels = context.RawArray("c", lens.width * lens.height)
         self._children: list[BaseProcess] = []
 
-        def start(name: str, target: Callable[..., None], before: tuple[Any, ...], after: tuple[Any, ...]) -> _Line:
+        def start(name: str, target: Callable[..., None], before: tuple[Any, ...], after: tuple[Any, ...]) -> Line:
             here, there = context.Pipe()
             child = context.Process(name=name, target=target, args=(scenario, *before, there, *after), daemon=True)
             child.start()
             # Only the child keeps its end: when it dies, this one reads the end of the line.
             there.close()
             self._children.append(child)
-            return _Line(here, child)
+            return Line(here, name)
 
         self._physics = start("physics", run_physics, (watchdog_cycles, period_s), (state, command))
         self._camera = start("camera", run_camera, (), (state, pixels))
@@ -256,20 +257,25 @@ class PacedWorld:
 
     def close(self) -> None:
         """End both processes; may be called twice."""
-        ask_to_end: tuple[tuple[_Line, Request | None], ...] = ((self._physics, Finish()), (self._camera, None))
+        ask_to_end: tuple[tuple[Line, Request | None], ...] = ((self._physics, Finish()), (self._camera, None))
         for line, word in ask_to_end:
             line.tell(word)
-        for child in self._children:
-            child.join(ANSWER_S)
-            if child.is_alive():
-                child.kill()
-                child.join()
+        end_children(self._children)
 
     def __enter__(self) -> PacedWorld:
         return self
 
     def __exit__(self, *cause: object) -> None:
         self.close()
+
+
+def end_children(children: Sequence[BaseProcess]) -> None:
+    """Wait for processes that have been asked to end, and kill those that do not."""
+    for child in children:
+        child.join(ANSWER_S)
+        if child.is_alive():
+            child.kill()
+            child.join()
 
 
 def _no_image(X_world_box: Matrix | None) -> NDArray[np.uint8]:

@@ -6,6 +6,7 @@ import ctypes
 import os
 import signal
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -14,7 +15,7 @@ from preshape.hal.transform import Matrix
 from preshape.sim_backend.paced_layout import state_record
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene_perception import image_cast
-from preshape.sim_backend.shared_block import SharedBlock
+from preshape.sim_backend.shared_block import SharedBlock, file_bytes
 from preshape.sim_backend.simulation import Simulation
 
 NICENESS = 5
@@ -23,7 +24,7 @@ NICENESS = 5
 def run_camera(
     scenario: Scenario,
     requests: Connection,
-    state_memory: ctypes.Array[ctypes.c_char],
+    state_memory: ctypes.Array[ctypes.c_char] | Path,
     pixels: ctypes.Array[ctypes.c_char],
 ) -> None:
     """Answer each request (expected X_world_box or None) with when the image was taken, until None comes alone."""
@@ -31,7 +32,9 @@ def run_camera(
     os.nice(NICENESS)
     simulation = Simulation(scenario)
     cast = image_cast(simulation)
-    state = SharedBlock(state_memory, state_record(simulation.model))
+    record = state_record(simulation.model)
+    memory = file_bytes(state_memory, record) if isinstance(state_memory, Path) else state_memory
+    state = SharedBlock(memory, record)
     out = np.frombuffer(memoryview(pixels), np.uint8)
     requests.send("ready")
     while True:

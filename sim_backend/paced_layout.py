@@ -90,6 +90,11 @@ class FreezeTorque:
 
 
 @dataclass(frozen=True, slots=True)
+class Describe:
+    """Ask for the drawn scenario; answered with it."""
+
+
+@dataclass(frozen=True, slots=True)
 class Finish:
     """End the process; answered with `Finished`."""
 
@@ -109,4 +114,4 @@ class Finished:
     kicks: tuple[tuple[int, float], ...]
 
 
-Request = Open | Arm | Stop | Close | ReportOpening | FreezeTorque | Finish
+Request = Open | Arm | Stop | Close | ReportOpening | FreezeTorque | Describe | Finish

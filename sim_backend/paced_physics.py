@@ -1,4 +1,7 @@
-"""The physics process of a paced run: steps in real time, takes commands, publishes samples, keeps the referee."""
+"""The physics process of a paced run: steps in real time, publishes the scene, keeps the referee.
+
+Behind it the joints are driven from shared memory, or by joint modules on CAN buses.
+"""
 
 from __future__ import annotations
 
@@ -6,40 +9,61 @@ import ctypes
 import gc
 import os
 import signal
-import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from typing import Protocol
 
 import numpy as np
 
 from preshape.hal.kernel_warm_up import remember_signatures, warm_up
-from preshape.hal.state import Mode, RobotCommand
-from preshape.sim_backend.command_cadence import CommandCadence
-from preshape.sim_backend.device import MujocoDevice
+from preshape.sim_backend.bus_joints import BusJoints, BusWiring
 from preshape.sim_backend.kicks import KickSchedule
-from preshape.sim_backend.paced_layout import (
-    COMMAND,
-    Arm,
-    Close,
-    Finish,
-    Finished,
-    FreezeTorque,
-    Open,
-    ReportOpening,
-    Request,
-    Stop,
-    state_record,
-)
+from preshape.sim_backend.paced_layout import Describe, Finish, Finished, FreezeTorque, ReportOpening, state_record
+from preshape.sim_backend.real_pace import RealPace
 from preshape.sim_backend.referee import Referee
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene_perception import attach_sensors
-from preshape.sim_backend.shared_block import SharedBlock
-from preshape.sim_backend.simulation import STEP_NS, Simulation
+from preshape.sim_backend.shared_block import Memory, Record, SharedBlock
+from preshape.sim_backend.shared_joints import SharedJoints
+from preshape.sim_backend.simulation import Simulation
 
-SLIP_NS = 3_000_000
-"""Lateness from which on the scene stands still for that time instead of catching up in a burst, ns."""
-YIELD_S = 1e-4
 PRIORITY = 20
+
+
+class RequestPort(Protocol):
+    """Where requests come from and answers go to."""
+
+    def poll(self) -> bool:
+        """Return whether a request, or the end of the line, is there."""
+        ...
+
+    def recv(self) -> object:
+        """Return the next request; `EOFError` when there will be none any more."""
+        ...
+
+    def send(self, obj: object, /) -> None:
+        """Answer."""
+        ...
+
+
+class Joints(Protocol):
+    """Who drives the joints of the scene."""
+
+    def take(self) -> None:
+        """Take what has been commanded, before a step."""
+        ...
+
+    def fill(self, out: Record) -> None:
+        """Write what is known of the joints into the record that is published."""
+        ...
+
+    def answer(self, request: object) -> str | None:
+        """Do what a request asks of the joints; return the answer, None for no answer."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the joints."""
+        ...
 
 
 def run_physics(
@@ -53,146 +77,119 @@ def run_physics(
     """Run until `Finish`, or until the other end of `requests` is gone."""
     # Ctrl-C reaches every process of a terminal: how the run ends is the controller's to say.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    physics = _PacedPhysics(scenario, watchdog_cycles, period_s, requests, state_memory, command_memory)
+    simulation = Simulation(scenario)
+    physics = PacedPhysics(simulation, requests, state_memory)
+    joints = SharedJoints(simulation, period_s, watchdog_cycles, command_memory, physics.publish)
+    run_with_priority(physics, joints)
+
+
+def run_bus_physics(
+    scenario: Scenario,
+    wiring: BusWiring,
+    requests: Connection,
+    state_memory: ctypes.Array[ctypes.c_char],
+) -> None:
+    """Run the scene with joint modules on buses until `Finish`, or until the other end of `requests` is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    simulation = Simulation(scenario)
+    physics = PacedPhysics(simulation, requests, state_memory)
+    joints = BusJoints(simulation, wiring)
+    run_with_priority(physics, joints)
+
+
+def run_with_priority(physics: PacedPhysics, joints: Joints) -> None:
+    """Run a scene with its kernels ready, before the machine's other work if it lets us."""
     warm_up()
+    take_priority()
+    physics.run(joints)
+    remember_signatures()
+
+
+def take_priority() -> None:
+    """Run before the machine's other work, if it lets us, and without collecting what lives as long as the process."""
     gc.collect()
     gc.freeze()
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    physics.run()
-    remember_signatures()
 
 
-class _PacedPhysics:
+class PacedPhysics:
     """The loop and all it owns; scene times count from 0, stamps are put on the monotonic clock when published."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        watchdog_cycles: int,
-        period_s: float,
-        requests: Connection,
-        state_memory: ctypes.Array[ctypes.c_char],
-        command_memory: ctypes.Array[ctypes.c_char],
-    ) -> None:
-        self._simulation = Simulation(scenario)
-        self._referee = Referee(self._simulation)
-        self._sensors = attach_sensors(self._simulation)
-        self._kicks = KickSchedule(self._simulation, self._referee)
-        self._device = MujocoDevice(self._simulation, period_s, watchdog_cycles)
+    def __init__(self, simulation: Simulation, requests: RequestPort, state_memory: Memory) -> None:
+        """Look after a simulation; requests come by `requests`, the scene is published into `state_memory`."""
+        self._simulation = simulation
+        self._referee = Referee(simulation)
+        self._sensors = attach_sensors(simulation)
+        self._kicks = KickSchedule(simulation, self._referee)
         self._requests = requests
-        self._state = SharedBlock(state_memory, state_record(self._simulation.model))
-        self._command = SharedBlock(command_memory, COMMAND)
-        self._cadence = CommandCadence(max(1, round(period_s * 1e9 / STEP_NS)))
-        self._taken = 0
-        self._slipped_ns = self._slips = 0
-        self._offset_ns = 0
+        self._state = SharedBlock(state_memory, state_record(simulation.model))
+        self._pace = RealPace()
+        self._joints: Joints | None = None
         self._running = True
 
-    def run(self) -> None:
-        self._publish()
-        self._offset_ns = time.monotonic_ns()
-        self._publish()
+    def run(self, joints: Joints) -> None:
+        """Step in real time until the end is asked for."""
+        self._joints = joints
+        self.publish()
+        self._pace.begin(self._simulation.time_ns)
+        self.publish()
         self._requests.send("ready")
-        while self._running:
-            self._serve()
-            self._take_command()
-            self._simulation.step()
-            self._publish()
-            self._wait()
+        try:
+            while self._running:
+                self._serve(joints)
+                joints.take()
+                self._simulation.step()
+                self.publish()
+                self._pace.wait(self._simulation.time_ns)
+        finally:
+            joints.close()
 
-    def _wait(self) -> None:
-        """Sleep until the next step is due; after a stall of the machine let the scene stand still instead."""
-        due_ns = self._offset_ns + self._simulation.time_ns + STEP_NS
-        remaining_ns = due_ns - time.monotonic_ns()
-        if remaining_ns > 0:
-            time.sleep(remaining_ns * 1e-9)
-        elif remaining_ns < -SLIP_NS:
-            self._offset_ns -= remaining_ns
-            self._slipped_ns -= remaining_ns
-            self._slips += 1
-            # A machine too slow for real time must still leave the processor to others.
-            time.sleep(YIELD_S)
+    def end(self) -> None:
+        """Make `run` return after the present step."""
+        self._running = False
 
-    def _serve(self) -> None:
+    def publish(self) -> None:
+        """Publish the scene as it is."""
+        simulation, out, offset_ns = self._simulation, self._state.record[0], self._pace.offset_ns
+        sample = self._sensors.object_pose(simulation.time_ns)
+        out["scene_ns"] = simulation.time_ns
+        out["now_ns"] = simulation.time_ns + offset_ns
+        if self._joints is not None:
+            self._joints.fill(out)
+            out["stamp_ns"] = simulation.sample_ns + offset_ns
+        out["pose_stamp_ns"] = -1 if sample is None else sample.stamp_ns + offset_ns
+        out["X_world_box"] = np.eye(4) if sample is None else sample.X_world_box
+        out["qpos"] = simulation.data.qpos
+        out["mocap_pos"][: simulation.model.nmocap] = simulation.data.mocap_pos
+        self._state.publish()
+
+    def _serve(self, joints: Joints) -> None:
         while self._running and self._requests.poll():
             try:
-                request: Request = self._requests.recv()
+                request = self._requests.recv()
             except EOFError:
                 self._running = False
                 return
-            self._answer(request)
+            self._answer(request, joints)
 
-    def _answer(self, request: Request) -> None:
-        now_ns = self._simulation.time_ns
+    def _answer(self, request: object, joints: Joints) -> None:
         match request:
-            case Open():
-                self._device.open()
-                self._reply("")
-            case Arm():
-                self._arm(now_ns)
-            case Stop(reason):
-                self._device.stop(reason, now_ns)
-            case Close():
-                self._device.close()
-                self._reply("")
+            case Describe():
+                self._requests.send(self._simulation.scenario)
             case ReportOpening(face, edge, offset, X_world_box):
                 self._referee.report_opening(face, edge, offset, X_world_box)
             case FreezeTorque(first, last):
                 self._simulation.joint_sensors.freeze_torque(slice(first, last))
             case Finish():
                 self._running = False
-                kicks = tuple(self._kicks.given)
-                seconds, slipped = self._simulation.seconds, self._slipped_ns * 1e-9
-                self._requests.send(Finished(self._referee.verdict(), seconds, slipped, self._slips, kicks))
+                self._requests.send(self._finished())
+            case _:
+                answer = joints.answer(request)
+                if answer is not None:
+                    self._requests.send(answer)
 
-    def _reply(self, cause: str) -> None:
-        """Answer once the published state shows what was done."""
-        self._publish()
-        self._requests.send(cause)
-
-    def _arm(self, now_ns: int) -> None:
-        self._taken = self._command.version
-        self._cadence.reset()
-        try:
-            self._device.arm(now_ns)
-        except RuntimeError as refusal:
-            self._reply(str(refusal))
-        else:
-            self._reply("")
-
-    def _take_command(self) -> None:
-        version = self._command.version
-        if not self._cadence.takes(self._simulation.time_ns // STEP_NS, version != self._taken):
-            return
-        record = self._command.read()
-        if record is None:
-            return
-        self._taken = version
-        command = record[0]
-        self._device.write(
-            RobotCommand(
-                int(command["sequence"]),
-                Mode(int(command["mode"])),
-                command["position"],
-                command["torque_limit"],
-                command["torque"],
-            ),
-            self._simulation.time_ns,
-        )
-
-    def _publish(self) -> None:
-        simulation, out = self._simulation, self._state.record[0]
-        state = self._device.read(simulation.time_ns)
-        sample = self._sensors.object_pose(simulation.time_ns)
-        out["scene_ns"] = simulation.time_ns
-        out["now_ns"] = simulation.time_ns + self._offset_ns
-        out["sequence"], out["status"] = state.sequence, int(state.status)
-        out["fault"] = state.fault.encode("ascii", "replace")
-        out["position"], out["velocity"], out["torque"] = state.position, state.velocity, state.torque
-        out["stamp_ns"] = int(state.stamp_ns[0]) + self._offset_ns
-        out["pose_stamp_ns"] = -1 if sample is None else sample.stamp_ns + self._offset_ns
-        out["X_world_box"] = np.eye(4) if sample is None else sample.X_world_box
-        out["qpos"] = simulation.data.qpos
-        out["mocap_pos"][: simulation.model.nmocap] = simulation.data.mocap_pos
-        self._state.publish()
+    def _finished(self) -> Finished:
+        kicks = tuple(self._kicks.given)
+        pace = self._pace
+        return Finished(self._referee.verdict(), self._simulation.seconds, pace.slipped_ns * 1e-9, pace.slips, kicks)

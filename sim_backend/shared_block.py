@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import ctypes
+import mmap
 from multiprocessing.context import SpawnContext
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Record = NDArray[np.void]
+Memory = ctypes.Array[ctypes.c_char] | mmap.mmap
+"""What two processes see: memory inherited by a child, or a file that both have mapped."""
 _ATTEMPTS = 1000
 
 
@@ -18,14 +22,23 @@ def shared_bytes(context: SpawnContext, dtype: np.dtype[Any]) -> ctypes.Array[ct
     return context.RawArray("c", 16 + dtype.itemsize)
 
 
+def file_bytes(path: Path, dtype: np.dtype[Any], create: bool = False) -> mmap.mmap:
+    """Return the memory of one block of a record type in a file, made anew and zeroed with `create`."""
+    size = 16 + dtype.itemsize
+    if create:
+        path.write_bytes(bytes(size))
+    with path.open("r+b") as file:
+        return mmap.mmap(file.fileno(), size)
+
+
 class SharedBlock:
     """A sequence lock: the counter is odd while the one writer is at work.
 
     `record` is the writer's own copy, filled field by field and then published whole.
     """
 
-    def __init__(self, memory: ctypes.Array[ctypes.c_char], dtype: np.dtype[Any]) -> None:
-        """Look at memory made by `shared_bytes` for the same record type."""
+    def __init__(self, memory: Memory, dtype: np.dtype[Any]) -> None:
+        """Look at memory made by `shared_bytes` or `file_bytes` for the same record type."""
         self._memory = memory
         self._counter = np.frombuffer(memoryview(memory), np.int64, 1)
         self._shared = np.frombuffer(memoryview(memory), dtype, 1, 16)

@@ -183,6 +183,9 @@ class DeviceConformance(ABC):
             rig.write(armed.position, limit, Mode.TORQUE, torque)
             state = rig.wait(rig.period_s)
             assert np.abs(state.torque[FLEXIONS]).max() <= 1.2 * 0.1 + self.torque_slack
+            if (state.position - armed.position)[FLEXIONS].max() > 0.3:
+                # Before the end stops, however slowly this loop has run.
+                break
         assert (state.position[FLEXIONS] > armed.position[FLEXIONS]).all()
 
     def test_a_stop_is_latched_and_holds_where_it_was_given(self, rig: Rig) -> None:

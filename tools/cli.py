@@ -15,6 +15,7 @@ COMMANDS: dict[str, str] = {
     "run": "carry out the procedure and write a report",
     "replay": "feed a recording through the controller again and compare its commands bit for bit",
     "sweep": "run scenarios over many seeds in parallel and count",
+    "hand-bus": "simulate the joint modules on CAN buses, for a run or a driver elsewhere",
     "serve": "hold a device for a controller in another process (run --device zenoh)",
     "doctor": "show this machine, and what the grip holds beside what opening asks",
     "bench": "measure what the parts cost on this machine",

@@ -12,11 +12,11 @@ from preshape.hal.device import Device
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
 from preshape.hal.world import Opening, Perception
-from preshape.sim_backend.can_lockstep import open_can_lockstep
 from preshape.sim_backend.lockstep import LockstepWorld, open_lockstep
 from preshape.sim_backend.paced import PacedWorld
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.can_setup import can_setup
+from preshape.tools.can_world import open_lockstep_can, open_paced_can
 from preshape.tools.remote_world import open_served_world
 from preshape.tools.run_ended import Ended
 from preshape.tools.run_options import RunOptions
@@ -102,8 +102,13 @@ def open_world(drawn: Scenario, options: RunOptions, bus_log: Path | None = None
     """
     period_s = 1.0 / options.rate_hz
     if options.device == "can":
-        with open_can_world(drawn, options, bus_log) as world:
-            yield world
+        setup = can_setup(options)
+        if options.in_real_time:
+            with open_paced_can(drawn, options, setup) as world:
+                yield world
+        else:
+            with open_lockstep_can(drawn, setup, bus_log) as can_lockstep:
+                yield LockstepRun(can_lockstep.world)
     elif options.device == "zenoh":
         with open_served_world(options.remote, drawn) as world:
             yield world
@@ -115,14 +120,3 @@ def open_world(drawn: Scenario, options: RunOptions, bus_log: Path | None = None
         lockstep = open_lockstep(drawn, period_s=period_s)
         lockstep.device.open()
         yield LockstepRun(lockstep)
-
-
-@contextmanager
-def open_can_world(drawn: Scenario, options: RunOptions, bus_log: Path | None) -> Generator[RunWorld]:
-    """Give a world whose device drives joint modules on buses."""
-    setup = can_setup(options)
-    can_lockstep = open_can_lockstep(drawn, setup.config, setup.topology, bus_log)
-    try:
-        yield LockstepRun(can_lockstep.world)
-    finally:
-        can_lockstep.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -135,14 +135,12 @@ def _words(error: Exception) -> str:
     return str(error.__cause__ or error) or type(error).__name__
 
 
-def open_buses(
-    topology: Topology, addresses: dict[str, BusAddress], identifiers: dict[str, list[int]]
-) -> dict[str, can.BusABC]:
+def open_buses(topology: Topology, addresses: Mapping[str, BusAddress]) -> dict[str, can.BusABC]:
     """Open every bus of a topology, or none; `DeviceUnreachable` for the first that cannot be."""
     opened: dict[str, can.BusABC] = {}
     try:
         for spec in topology.buses:
-            opened[spec.name] = open_bus(addresses[spec.name], spec.profile, identifiers.get(spec.name, []))
+            opened[spec.name] = open_bus(addresses[spec.name], spec.profile)
     except DeviceUnreachable:
         for bus in opened.values():
             bus.shutdown()

@@ -1,0 +1,35 @@
+"""A simulation held to the machine's clock: it waits for its time, and stands still when the machine was late."""
+
+from __future__ import annotations
+
+import time
+
+from preshape.sim_backend.simulation import STEP_NS
+
+SLIP_NS = 3_000_000
+"""Lateness from which on the scene stands still for that time instead of catching up in a burst, ns."""
+YIELD_S = 1e-4
+
+
+class RealPace:
+    """`offset_ns` is the machine's monotonic time less the scene's; `slipped_ns` for how long the scene stood still."""
+
+    def __init__(self) -> None:
+        self.offset_ns = 0
+        self.slipped_ns = self.slips = 0
+
+    def begin(self, scene_ns: int) -> None:
+        """Let the scene's present time be now."""
+        self.offset_ns = time.monotonic_ns() - scene_ns
+
+    def wait(self, scene_ns: int) -> None:
+        """Sleep until the step after `scene_ns` is due; after a stall of the machine let the scene stand still."""
+        remaining_ns = self.offset_ns + scene_ns + STEP_NS - time.monotonic_ns()
+        if remaining_ns > 0:
+            time.sleep(remaining_ns * 1e-9)
+        elif remaining_ns < -SLIP_NS:
+            self.offset_ns -= remaining_ns
+            self.slipped_ns -= remaining_ns
+            self.slips += 1
+            # A machine too slow for real time must still leave the processor to others.
+            time.sleep(YIELD_S)
