@@ -75,6 +75,9 @@ def open_can_lockstep(
     addresses = bus_addresses(topology, "virtual", [f"lockstep-{next(_WORLDS)}"])
     buses = {spec.name: open_bus(addresses[spec.name], spec.profile) for spec in topology.buses}
     rack = ModuleRack(topology, simulation, buses, scenario.seed, REPLY_S)
+    if config is not None:
+        for module in rack.modules.values():
+            module.parameters.watchdog_cycles = config.lost_cycles
     written = None if log is None else _listen(log, {n: a.channel for n, a in addresses.items()}, simulation)
     random = Random(f"{scenario.seed} host")
 
