@@ -9,10 +9,7 @@ from preshape.hal.kernel_cache import KERNELS, PACKAGE_ROOT, cache_root
 from preshape.hal.kernel_warm_up import warm_up
 from preshape.hal.source_digest import source_digest
 from preshape.sim_backend.scenario import Scenario
-from preshape.tools.run_options import RunOptions
-
-LAST_TASK = 5
-"""Task after which a rehearsal has seen everything."""
+from preshape.tools.run_options import TASKS, RunOptions
 
 
 def prepare_kernels(scenario: Scenario, seed: int, options: RunOptions) -> bool:
@@ -26,7 +23,7 @@ def prepare_kernels(scenario: Scenario, seed: int, options: RunOptions) -> bool:
         _rehearse(scenario, seed, options)
         return True
     version = source_digest(PACKAGE_ROOT / "tools" / "session.py", PACKAGE_ROOT)
-    marks = [root / f"rehearsed-{version}-{task}" for task in range(options.until_task, LAST_TASK + 1)]
+    marks = [root / f"rehearsed-{version}-{task}" for task in range(options.until_task, TASKS + 1)]
     rehearsed = any(mark.exists() for mark in marks)
     if not rehearsed:
         with ProcessPoolExecutor(max_workers=1, mp_context=multiprocessing.get_context("spawn")) as pool:
