@@ -10,11 +10,14 @@ from preshape.control.controller import Controller, Setpoint
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import RobotState, Vector
 from preshape.hal.tick_record import TickRecord
-from preshape.tools.real_time import THINKING_PRIORITY, take_priority
+from preshape.tools.real_time import THINKING_PRIORITY, give_up_priority, take_priority
 
 PATIENCE_S = 0.0026
 """How long a tick waits for its step before it holds, s: to begin the next tick late by half a period disturbs a motion
 less than to stand still for one."""
+LONG_TICKS = 5
+"""A step that has made so many ticks hold is planning. It goes on without priority: a kernel stops threads that keep a
+core to themselves for most of a second, and this one would be stopped with the interpreter's lock in its hand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +45,7 @@ class PatientController:
         self._setpoint: Setpoint | None = None
         self._followed: tuple[Vector, Vector] | None = None
         self._busy = self._holding = False
-        self._steps = 0
+        self._steps = self._waited = 0
         self.held = 0
 
     def __enter__(self) -> PatientController:
@@ -59,17 +62,29 @@ class PatientController:
             self._asked.put(_Step(self._steps, now_ns, state, self._followed))
             self._followed, self._busy = None, True
             self._steps += 1
-        self._holding = False
-        try:
-            answer = self._answers.get(timeout=self._patience_s)
-        except Empty:
-            self.held += 1
-            self._holding = True
+            self._waited = 0
+        answer = self._answer()
+        self._holding = answer is None
+        if answer is None:
             return self._held_setpoint()
         self._busy = False
         if isinstance(answer, Exception):
             raise answer
         self._setpoint = answer
+        return answer
+
+    def _answer(self) -> Setpoint | Exception | None:
+        """Return what the step has come to, None if it is not ready: only its first tick waits for it."""
+        try:
+            answer = self._answers.get(timeout=self._patience_s) if not self._waited else self._answers.get_nowait()
+        except Empty:
+            self.held += 1
+            self._waited += 1
+            if self._waited == LONG_TICKS:
+                give_up_priority(self._thread.native_id or 0)
+            return None
+        if self._waited >= LONG_TICKS:
+            take_priority(THINKING_PRIORITY, self._thread.native_id or 0)
         return answer
 
     def follow(self, position: Vector, velocity: Vector) -> None:

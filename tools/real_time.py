@@ -17,10 +17,16 @@ SWITCH_S = 1e-4
 """How long one Python thread may keep the others from running, s."""
 
 
-def take_priority(priority: int) -> None:
-    """Schedule the calling thread first in, first out, if the machine lets us."""
-    with suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+def take_priority(priority: int, thread: int = 0) -> None:
+    """Schedule a thread (by its native id; 0: the calling one) first in, first out, if the machine lets us."""
+    with suppress(PermissionError, ProcessLookupError):
+        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+
+
+def give_up_priority(thread: int) -> None:
+    """Let a thread share the machine like any other."""
+    with suppress(PermissionError, ProcessLookupError):
+        os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
 
 
 @contextmanager
