@@ -86,7 +86,7 @@ def test_a_stop_while_the_hand_closes_brakes_at_once_and_is_latched() -> None:
             answers.extend(ask(session, "preshape/box/call/stop", request(1, reason="enough")))
 
     with Telemetry(TelemetryConfig(endpoint=endpoint), "kinematic", True, 500.0) as telemetry:
-        telemetry.watch(loop, observers)
+        telemetry.watch(loop, observers, device)
         operator = threading.Thread(target=operate)
         operator.start()
         result = loop.run(controller)

@@ -17,6 +17,7 @@ COMMANDS: dict[str, str] = {
     "sweep": "run scenarios over many seeds in parallel and count",
     "hand-bus": "simulate the joint modules on CAN buses, for a run or a driver elsewhere",
     "serve": "hold a device for a controller in another process (run --device zenoh)",
+    "status": "show how a running robot is: rates, ages, jitter, overruns, buses, temperatures",
     "doctor": "show this machine, and what the grip holds beside what opening asks",
     "bench": "measure what the parts cost on this machine",
 }

@@ -67,6 +67,7 @@ def execute(options: Options) -> int:
     from preshape.hal.remote_calls import DEVICE_KEY
     from preshape.tools.configuration import load_scenario
     from preshape.tools.device_server import DeviceServer
+    from preshape.tools.real_time import real_time
     from preshape.tools.remote_world import described
     from preshape.tools.run_world import open_world
     from preshape.tools.telemetry_keys import Keys
@@ -77,8 +78,10 @@ def execute(options: Options) -> int:
     root = Keys(options.robot).of(DEVICE_KEY)
     spoken = [f"{root}/{tail}" for tail in ("state", "perception", "scene", "alive", "call/**")]
     with (
-        open_session(robot_settings(options.endpoint, spoken), options.zenoh_config) as session,
         open_world(drawn, options.run) as world,
+        # What Zenoh starts inherits the priority; the world's processes have their own.
+        real_time(),
+        open_session(robot_settings(options.endpoint, spoken), options.zenoh_config) as session,
     ):
         server = DeviceServer(session, root, world, described(drawn), float(options.rate_hz), _say)
         _say(f"serving {drawn.name}, seed {drawn.seed}, as {root} at {options.zenoh_config or options.endpoint}")

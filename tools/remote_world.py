@@ -21,6 +21,7 @@ from preshape.hal.world import Opening, Perception
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import camera_model
 from preshape.tools.configuration_error import ConfigurationError
+from preshape.tools.real_time import real_time
 from preshape.tools.remote_options import RemoteOptions
 from preshape.tools.run_ended import Ended
 from preshape.tools.served_opening import opening_to
@@ -64,7 +65,10 @@ def open_served_world(options: RemoteOptions, drawn: Scenario) -> Generator[Remo
         ConfigurationError: another world is served.
     """
     root = Keys(options.robot).of(DEVICE_KEY)
-    with open_session(client_settings(options.endpoint), options.zenoh_config) as session:
+    # What Zenoh starts inherits the priority.
+    with real_time():
+        session = open_session(client_settings(options.endpoint), options.zenoh_config)
+    with session:
         line = RemoteLine(session, root)
         world = RemoteWorld(line, drawn)
         try:

@@ -100,7 +100,7 @@ def run_session(
             recorder.start(setup)
         course = _prepare(world, setup, watching, recorder)
         if live is not None:
-            live.watch(course.loop, watching)
+            live.watch(course.loop, watching, world.device)
         if cause is not None:
             course.controller.work.task, course.error = cause
         else:

@@ -9,11 +9,13 @@ from collections.abc import Mapping
 from preshape.control.loop import ControlLoop
 from preshape.control.observer import Observers
 from preshape.hal.description import robot_urdf
-from preshape.hal.device import DeviceUnreachable
+from preshape.hal.device import Device, DeviceUnreachable
 from preshape.hal.layout import Side
 from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.hal.transform import Matrix
-from preshape.tools.telemetry_bridge import RobotFacts, run_bridge
+from preshape.tools.part_figures import parts_memory
+from preshape.tools.parts_observer import PartsObserver
+from preshape.tools.telemetry_bridge import BridgeMemory, RobotFacts, run_bridge
 from preshape.tools.telemetry_config import TelemetryConfig
 from preshape.tools.telemetry_orders import Orders, OrdersWatch, orders_memory
 
@@ -45,14 +47,14 @@ class Telemetry:
             DeviceUnreachable: it cannot; the message says why.
         """
         context = multiprocessing.get_context("spawn")
-        self.ring, orders = ring_memory(context), orders_memory(context)
-        self.orders = Orders(orders)
+        memory = BridgeMemory(ring_memory(context), parts_memory(context), orders_memory(context))
+        self.orders = Orders(memory.orders)
+        self._writer, self._parts, self._rate_hz = RingWriter(memory.ring), memory.parts, rate_hz
         self.waits_for_start = "start" in config.services
-        self._writer = RingWriter(self.ring)
         facts = RobotFacts(device=device, paced=paced, rate_hz=rate_hz, pid=os.getpid(), urdf=robot_urdf(X_world_base))
         self._life, there = context.Pipe()
         self.process = context.Process(
-            name="telemetry", target=run_bridge, args=(config, facts, READER, self.ring, orders, there), daemon=True
+            name="telemetry", target=run_bridge, args=(config, facts, READER, memory, there), daemon=True
         )
         self.process.start()
         there.close()
@@ -61,9 +63,10 @@ class Telemetry:
             self.close()
             raise DeviceUnreachable(f"telemetry: {problem}")
 
-    def watch(self, loop: ControlLoop, observers: Observers) -> None:
-        """Write every tick of a loop into the ring, and hand a stop that is asked for on to it."""
+    def watch(self, loop: ControlLoop, observers: Observers, device: Device) -> None:
+        """Write every tick of a loop into the ring, tell of its device, and hand a stop that is asked for on to it."""
         observers.add(self._writer)
+        observers.add(PartsObserver(self._parts, device, self._rate_hz))
         observers.add(OrdersWatch(self.orders, loop.request_stop))
 
     @property

@@ -14,6 +14,7 @@ from preshape.hal.device import DeviceUnreachable
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.tick_ring import RingMemory, RingReader
 from preshape.tools.configuration_error import ConfigurationError
+from preshape.tools.part_figures import PartsMemory, PartsReader
 from preshape.tools.process_state import process_state
 from preshape.tools.telemetry_config import TelemetryConfig
 from preshape.tools.telemetry_events import EventFinder
@@ -50,9 +51,16 @@ class RobotFacts:
     urdf: str
 
 
-def run_bridge(
-    config: TelemetryConfig, facts: RobotFacts, reader: int, ring: RingMemory, orders: OrdersMemory, life: Connection
-) -> None:
+@dataclass(frozen=True, slots=True, eq=False)
+class BridgeMemory:
+    """What the two processes share: tick records and figures of parts out, orders in."""
+
+    ring: RingMemory
+    parts: PartsMemory
+    orders: OrdersMemory
+
+
+def run_bridge(config: TelemetryConfig, facts: RobotFacts, reader: int, memory: BridgeMemory, life: Connection) -> None:
     """Publish until the run has ended. Says "" to `life` when it is ready, or in one line why it will never be."""
     # Ctrl-C reaches every process of a terminal: how the run ends is the loop's to say.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -63,7 +71,7 @@ def run_bridge(
         life.send(str(error))
         return
     with session:
-        bridge = _Bridge(config, facts, RingReader(ring, reader), Orders(orders))
+        bridge = _Bridge(config, facts, reader, memory)
         bridge.publisher = RobotPublisher(session, keys, config.events_kept, bridge.services.order_stop)
         bridge.begin()
         life.send("")
@@ -78,15 +86,18 @@ class _Bridge:
 
     publisher: RobotPublisher
 
-    def __init__(self, config: TelemetryConfig, facts: RobotFacts, ring: RingReader, orders: Orders) -> None:
-        self._config, self._facts, self._ring, self._orders = config, facts, ring, orders
+    def __init__(self, config: TelemetryConfig, facts: RobotFacts, reader: int, memory: BridgeMemory) -> None:
+        self._config, self._facts = config, facts
+        self._ring, self._orders = RingReader(memory.ring, reader), Orders(memory.orders)
+        self._figures = PartsReader(memory.parts)
+        self._buses: dict[str, Health] = {}
         self._wall_offset_ns = time.time_ns() - time.monotonic_ns()
         self._streams: StateStreams | None = None
         self._events, self._meter = EventFinder(), HealthMeter(round(1e9 / facts.rate_hz))
         self._record: TickRecord | None = None
         self._rates = dict(config.rates())
         own = {"robot": config.robot, "device": facts.device, "loop_rate_hz": facts.rate_hz, "paced": facts.paced}
-        self.services = Services(config, orders, self._set_rate, own)
+        self.services = Services(config, self._orders, self._set_rate, own)
         self._parts: dict[str, PartState] = {"telemetry": "running", "loop": "running"}
         self._seq: dict[str, int] = {}
         self._heard_ns = self._beat_ns = self._health_ns = time.monotonic_ns()
@@ -204,8 +215,27 @@ class _Bridge:
         for name, health in zip(names, self._device_health(self._next("health")), strict=True):
             if health is not None:
                 self.publisher.put(f"health/{name}", health)
+        self._publish_buses(now_ns)
         self.publisher.put("health/telemetry", self._own_health(now_ns, self._next("health/telemetry")))
         self._put = self.publisher.count
+
+    def _publish_buses(self, now_ns: int) -> None:
+        """Publish what is new of the device's buses."""
+        for part in self._figures.newest() or ():
+            health = self._buses[part.name] = Health(
+                seq=self._next(f"health/{part.name}"),
+                stamp_ns=time.time_ns(),
+                mono_ns=now_ns,
+                device=part.name,
+                status=part.status,
+                fault=part.fault,
+                count=part.count,
+                rate_hz=part.rate_hz,
+                bus_load=part.bus_load,
+                bus_errors=part.bus_errors,
+                temperature_c=part.temperature_c,
+            )
+            self.publisher.put(f"health/{part.name}", health)
 
     def _device_health(self, seq: int) -> tuple[Health | None, Health | None]:
         return self._meter.loop(seq), self._meter.device(self._facts.device, seq)
@@ -231,6 +261,7 @@ class _Bridge:
             device=self._facts.device,
             loop=loop,
             joints=device,
+            buses=list(self._buses.values()),
             telemetry=self._own_health(now_ns, self._seq.get("health/telemetry", 0)),
             task=task,
             parts=dict(self._parts),

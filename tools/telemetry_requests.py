@@ -55,6 +55,7 @@ class Status(Message, frozen=True, tag="preshape/status/1"):
     device: str
     loop: Health | None
     joints: Health | None
+    buses: list[Health]
     telemetry: Health
     task: TaskState | None
     parts: dict[str, str]

@@ -96,6 +96,17 @@ class CanDevice:
         return self._inbox.counts
 
     @property
+    def topology(self) -> Topology:
+        """What is on which bus."""
+        return self._topology
+
+    @property
+    def temperatures_degc(self) -> Mapping[str, int]:
+        """The newest temperature of every module that has answered, by its name."""
+        watches = self._inbox.watches.values()
+        return {watch.module.name: degrees for watch in watches if (degrees := watch.temperature_degc) is not None}
+
+    @property
     def missing(self) -> tuple[str, ...]:
         """Names of the modules that have not answered since `open`."""
         return tuple(watch.module.name for watch in self._inbox.watches.values() if not watch.answered)

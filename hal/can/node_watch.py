@@ -6,6 +6,7 @@ from enum import Enum
 
 from preshape.hal.can.emergency_codec import Emergency
 from preshape.hal.can.heartbeat_codec import Heartbeat
+from preshape.hal.can.state_codec import temperature_of
 from preshape.hal.can.topology import Module
 from preshape.hal.can.vocabulary import FIRMWARE_MAJOR, ModuleError, ModuleState
 
@@ -55,6 +56,11 @@ class NodeWatch:
             return Answered.STALE
         self._contradictions += payload != self._payload
         return Answered.AGAIN
+
+    @property
+    def temperature_degc(self) -> int | None:
+        """What the module's newest state says of its temperature; None before the first."""
+        return temperature_of(self._payload) if self._payload else None
 
     def heartbeat(self, beat: Heartbeat) -> None:
         """Take note of who it says it is."""

@@ -103,3 +103,8 @@ class StateCodec:
         values = np.array(fields[3:]) * self.scale
         position, velocity, torque = values.reshape(3, self._count)
         return ModuleReport(fields[0], *status, fields[2], position, velocity, torque)
+
+
+def temperature_of(payload: Bytes) -> int:
+    """Return the temperature in a state's payload, degC."""
+    return int.from_bytes(payload[3:4], "little", signed=True)
