@@ -49,8 +49,8 @@ from preshape.planner.air_pose import AirPlace, upper_face
 T = TypeVar("T")
 GRASPS = 2
 """How often the box is taken from the table until its opening faces the robot."""
-PHASE_S = 40.0
-"""Longest time of a phase, s; the slowest, a path for a held box, takes a quarter of it."""
+PHASE_S = 60.0
+"""Longest time of a phase, s; the slowest, a long path for a held box, takes a third of it."""
 REST_S = 0.8
 """How long everything rests after the last task, s."""
 TASK_NAMES = ("grasp", "find opening", "regrasp", "crush", "open")

@@ -17,7 +17,7 @@ from preshape.hal.layout import Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, transform
 from preshape.hal.world import FACES, Face, face_normal, opposite
-from preshape.planner.air_pose import AirPlace, air_pose, upper_face
+from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose, upper_face
 from preshape.planner.arm_capsules import HeldBox
 
 PREGRASP_M = 0.14
@@ -112,7 +112,6 @@ def _postures(work: Work, grip: Grip, finger_face: Face, end: Face, place: AirPl
         "pre-grasp": (back_off(X_grasp, PREGRASP_M), work.collision()),
         "grasp": (X_grasp, work.collision(exempt=(("right_hand", "box"),))),
         "lift": (transform((0.0, 0.0, LIFT_M)) @ X_grasp, carried),
-        "show": (air_pose(place, end, face) @ grip.X_box_palm, carried),
     }
     near = work.body.asked_arm("right")
     postures: list[Vector] = []
@@ -122,6 +121,13 @@ def _postures(work: Work, grip: Grip, finger_face: Face, end: Face, place: AirPl
             return f"{name} pose out of reach"
         postures.append(q)
         near = q
+    shifts = ELSEWHERE if work.sight.obstacles else ELSEWHERE[:1]
+    shown = (transform(shift) @ air_pose(place, end, face) @ grip.X_box_palm for shift in shifts)
+    found = (q for X in shown if (q := work.posture("right", X, carried, near)) is not None)
+    show = next(found, None)
+    if show is None:
+        return "show pose out of reach"
+    postures.append(show)
     return GraspChoice(grip, finger_face, face, *postures)
 
 
@@ -185,8 +191,9 @@ def reach_box(
             if not left or failed.kind not in ("stalled", "moved", "unreachable"):
                 raise
             work.notes.append(f"reach: {failed.cause}; aim anew")
-            if choice is not None and failed.kind == "stalled" and work.phase != "travel":
+            if choice is not None and failed.kind == "stalled":
                 tried.append(choice.finger_face)
+            if choice is not None and work.phase != "travel":
                 yield from lead_palm(work.body, "right", back_off(work.body.palm("right"), BACK_M), speed=0.05)
         yield from wait(work.body, AIM_ANEW_S)
     raise AssertionError("the last try returns or raises")

@@ -11,13 +11,10 @@ from preshape.control.task_grasp import BACK_M, STANDOFF_M, back_off, draw_back,
 from preshape.control.work import Work
 from preshape.hal.transform import inverse, transform
 from preshape.hal.world import Face, opposite
+from preshape.planner.air_pose import ELSEWHERE
 
 PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
-ELSEWHERE = (
-    (0.0, 0.0, 0.0), (0.0, -0.08, 0.0), (0.0, 0.0, 0.08), (-0.08, 0.0, 0.0), (0.0, 0.0, -0.08), (0.08, 0.0, 0.0),
-)  # fmt: skip
-"""Where the box is held for the left hand, from where it was shown, m: elsewhere only if an obstacle is in the way."""
 STILL_S = 0.4
 """How long the box rests after it has been moved aside, s."""
 EASED = 0.6

@@ -9,8 +9,9 @@ from preshape.control.motions import Motion, wait
 from preshape.control.object_filter import BoxEstimate
 from preshape.control.opening_finder import Decision, PosePrior, Verdict, decide, find_opening
 from preshape.control.work import Work
+from preshape.hal.transform import transform
 from preshape.hal.world import Face
-from preshape.planner.air_pose import AirPlace, air_pose
+from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose
 
 LOOKS = 3
 """How often an ambiguous image is taken anew."""
@@ -21,10 +22,16 @@ PRIOR = PosePrior(0.0015, 0.026)
 
 
 def show_face(work: Work, face: Face, end: Face, place: AirPlace) -> Motion:
-    """Turn the held box so that a face looks at the camera."""
-    grip = work.grips["right"]
-    X_palm = air_pose(place, end, face) @ grip.X_box_palm
-    yield from work.travel_to_palm("right", X_palm, speed=0.30)
+    """Turn the held box so that a face looks at the camera; elsewhere if an obstacle leaves no way to the place."""
+    X_palm = air_pose(place, end, face) @ work.grips["right"].X_box_palm
+    for shift in ELSEWHERE:
+        try:
+            yield from work.travel_to_palm("right", transform(shift) @ X_palm, speed=0.30)
+            break
+        except TaskFailed as failed:
+            if shift == ELSEWHERE[-1] or failed.kind != "stalled":
+                raise
+            work.notes.append(f"show: {failed.cause}; shown elsewhere")
     yield from wait(work.body, STILL_S)
 
 

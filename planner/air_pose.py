@@ -11,6 +11,10 @@ from preshape.hal.world import Face, face_normal
 
 AIR_A = (0.50, -0.10, 0.40)
 """Centre of the box while it is shown, handed over and pushed, m (world)."""
+ELSEWHERE = (
+    (0.0, 0.0, 0.0), (0.0, -0.08, 0.0), (0.0, 0.0, 0.08), (-0.08, 0.0, 0.0), (0.0, 0.0, -0.08), (0.08, 0.0, 0.0),
+)  # fmt: skip
+"""Where a box is held in the air, from the place meant for it, m: elsewhere only if an obstacle is in the way."""
 FACING = (-0.79, 0.0, 0.61)
 """Direction that the shown face looks in: to the camera."""
 
