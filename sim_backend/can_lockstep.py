@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -16,7 +16,7 @@ from preshape.hal.can.device import CanDevice
 from preshape.hal.can.device_config import CanDeviceConfig
 from preshape.hal.can.topology import TOPOLOGY, BusSpec, Topology
 from preshape.hal.state import Vector
-from preshape.sim_backend.bus_log import BusLog
+from preshape.sim_backend.bus_log import BusLog, BusTap, Listener
 from preshape.sim_backend.kicks import KickSchedule
 from preshape.sim_backend.lockstep import LockstepWorld, SimClock
 from preshape.sim_backend.module_rack import ModuleRack
@@ -44,14 +44,16 @@ class CanLockstepWorld:
     world: LockstepWorld
     driver: CanDevice
     rack: ModuleRack
+    tap: BusTap | None
     log: BusLog | None
 
     def close(self) -> None:
         """Close driver, modules and log."""
         self.driver.close()
         self.rack.close()
-        if self.log is not None:
-            self.log.close()
+        for listening in (self.tap, self.log):
+            if listening is not None:
+                listening.close()
 
 
 def open_can_lockstep(
@@ -61,10 +63,13 @@ def open_can_lockstep(
     log: Path | None = None,
     home: Vector | None = None,
     host_side: Wrap | None = None,
+    module_side: Wrap | None = None,
+    listeners: Sequence[Listener] = (),
 ) -> CanLockstepWorld:
     """Return the world of a drawn scenario with the device open and every module heard.
 
-    Frames are written to the file `log`; `host_side` wraps the driver's ends of the buses.
+    Frames are written to the file `log` and told to `listeners`; `host_side` wraps the driver's ends of the buses,
+    `module_side` the modules'.
 
     Raises:
         DeviceUnreachable: a module did not answer.
@@ -74,11 +79,15 @@ def open_can_lockstep(
     clock = SimClock(simulation)
     addresses = bus_addresses(topology, "virtual", [f"lockstep-{next(_WORLDS)}"])
     buses = {spec.name: open_bus(addresses[spec.name], spec.profile) for spec in topology.buses}
+    if module_side is not None:
+        buses = {name: module_side(bus, name, clock) for name, bus in buses.items()}
     rack = ModuleRack(topology, simulation, buses, scenario.seed, REPLY_S)
     if config is not None:
         for module in rack.modules.values():
             module.parameters.watchdog_cycles = config.lost_cycles
-    written = None if log is None else _listen(log, {n: a.channel for n, a in addresses.items()}, simulation)
+    written = None if log is None else BusLog(log)
+    told = [*listeners, *([] if written is None else [written.write])]
+    tap = _listen({name: address.channel for name, address in addresses.items()}, simulation, told) if told else None
     random = Random(f"{scenario.seed} host")
 
     def host_bus(spec: BusSpec, identifiers: list[int]) -> can.BusABC:
@@ -87,7 +96,8 @@ def open_can_lockstep(
 
     driver = CanDevice(topology, host_bus, config, lambda: random.getrandbits(32))
     sensors, kicks = attach_sensors(simulation), KickSchedule(simulation, referee)
-    world = CanLockstepWorld(LockstepWorld(simulation, driver, clock, sensors, referee, kicks), driver, rack, written)
+    lockstep = LockstepWorld(simulation, driver, clock, sensors, referee, kicks)
+    world = CanLockstepWorld(lockstep, driver, rack, tap, written)
     try:
         driver.open()
         await_modules(driver, clock, START_S)
@@ -97,8 +107,8 @@ def open_can_lockstep(
     return world
 
 
-def _listen(file: Path, channels: dict[str, str], simulation: Simulation) -> BusLog:
-    log = BusLog(file, channels, lambda: simulation.time_ns)
-    simulation.before_step.append(log.pump)
-    simulation.after_step.append(log.pump)
-    return log
+def _listen(channels: dict[str, str], simulation: Simulation, listeners: Sequence[Listener]) -> BusTap:
+    tap = BusTap(channels, lambda: simulation.time_ns, listeners)
+    simulation.before_step.append(tap.pump)
+    simulation.after_step.append(tap.pump)
+    return tap

@@ -25,15 +25,19 @@ from preshape.sim_backend.scene_port import ScenePlace
 from preshape.tools.can_setup import CanSetup
 from preshape.tools.run_ended import Ended
 from preshape.tools.run_options import RunOptions
+from preshape.tools.wire_watch import WireWatch
 
 MODULES_S = 5.0
 """Longest time until every module on the buses has answered, s."""
 
 
 @contextmanager
-def open_lockstep_can(drawn: Scenario, setup: CanSetup, bus_log: Path | None) -> Generator[CanLockstepWorld]:
-    """Give a world on virtual buses; their frames go to the file `bus_log`, if there is one."""
-    world = open_can_lockstep(drawn, setup.config, setup.topology, bus_log)
+def open_lockstep_can(
+    drawn: Scenario, setup: CanSetup, bus_log: Path | None, wire: WireWatch | None
+) -> Generator[CanLockstepWorld]:
+    """Give a world on virtual buses; their frames go to the file `bus_log`, if there is one, and to `wire`."""
+    wrap, listeners = (None, ()) if wire is None else (wire.wrap, (wire.hear,))
+    world = open_can_lockstep(drawn, setup.config, setup.topology, bus_log, module_side=wrap, listeners=listeners)
     try:
         yield world
     finally:

@@ -113,10 +113,41 @@ class SimReport(Part, frozen=True):
     kicks: list[tuple[int, float]] = msgspec.field(default_factory=list[tuple[int, float]])
 
 
+class FaultReport(Part, frozen=True):
+    """What was made to go wrong on the buses: as asked for, how many frames met what, and events with their times (s).
+
+    `injected` counts `frames` that met the faults, what was drawn for how many, and those `lost` on a dead bus.
+    """
+
+    faults: str
+    injected: dict[str, int]
+    happened: list[tuple[float, str]]
+
+
+class WireReport(Part, frozen=True):
+    """What the passive monitor heard on the buses (`preshape.tools.wire_monitor.WireVerdict`, which explains it).
+
+    `ok`: no rule of the wire was broken; `faults` is None where none were asked for.
+    """
+
+    ok: bool
+    broken: dict[str, int]
+    violations: list[str]
+    frames: dict[str, int]
+    damaged: int
+    unknown: dict[str, int]
+    errors: int
+    torque_limit_ratio: float
+    speed_ratio: float
+    torque_ratio: float
+    faults: FaultReport | None = None
+
+
 class Report(Part, frozen=True):
     """All of `report.json`; `success` is the referee's and `failure` names what kept it from being one.
 
-    `failed_task` and `cause` split the failure; `observer_failures` tells which observers gave up, and why.
+    `failed_task` and `cause` split the failure; `observer_failures` tells which observers gave up, and why. `wire` is
+    there where the joints hang on buses: a run that breaks a rule of the wire is no success.
     """
 
     schema: Literal["preshape/report/1"]
@@ -138,6 +169,7 @@ class Report(Part, frozen=True):
     controller_failure: str | None
     notes: list[str]
     observer_failures: list[str]
+    wire: WireReport | None = None
 
     @property
     def done(self) -> str:

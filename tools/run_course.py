@@ -13,9 +13,18 @@ from preshape.control.timing import Percentiles
 from preshape.sim_backend.referee_report import TASK_NAMES
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.exit_codes import ExitCode
-from preshape.tools.report import SCHEMA, LoopReport, Report, SimReport, TaskReport, loop_report, referee_report
+from preshape.tools.report import (
+    SCHEMA,
+    LoopReport,
+    Report,
+    SimReport,
+    TaskReport,
+    WireReport,
+    loop_report,
+    referee_report,
+)
 from preshape.tools.run_ended import Ended
-from preshape.tools.run_failure import name_failure
+from preshape.tools.run_failure import name_failure, wire_failure
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import RunPlan, plan_report
 
@@ -36,12 +45,19 @@ class Course:
 
 
 def run_report(
-    drawn: Scenario, options: RunOptions, course: Course, ended: Ended, plan: RunPlan, watching: Observers
+    drawn: Scenario,
+    options: RunOptions,
+    course: Course,
+    ended: Ended,
+    plan: RunPlan,
+    watching: Observers,
+    wire: WireReport | None = None,
 ) -> Report:
     """Return the report of a run of a drawn scenario; task times count from the loop's start."""
     controller, verdict, result = course.controller, ended.verdict, course.result
     work = controller.work
     failure = name_failure(verdict, result, work.task, controller.failure, course.error)
+    failure = wire_failure(failure, {} if wire is None else wire.broken, work.task)
     return Report(
         schema=SCHEMA,
         version=__version__,
@@ -49,7 +65,7 @@ def run_report(
         paced=options.in_real_time,
         seed=drawn.seed,
         scenario=drawn,
-        success=verdict.success,
+        success=failure is None,
         failure=None if failure is None else str(failure),
         failed_task=None if failure is None else failure.task,
         cause=None if failure is None else failure.cause,
@@ -67,6 +83,7 @@ def run_report(
         controller_failure=controller.failure,
         notes=[*work.notes, *([course.where] if course.where else [])],
         observer_failures=[f"{name}: {type(error).__name__}: {error}" for name, error in watching.failures],
+        wire=wire,
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from preshape.control.loop_result import LoopOutcome, LoopResult
 from preshape.sim_backend.referee_report import TASK_NAMES, Verdict
@@ -50,6 +51,14 @@ def name_failure(
     first = _first_seen(verdict)
     others = (name for name in _beyond_undone(verdict) if name.split(":")[0] != first[1].split(":")[0])
     return Failure(first[0], first[1], tuple(others))
+
+
+def wire_failure(failure: Failure | None, broken: Mapping[str, int], task: int) -> Failure | None:
+    """Return why a run failed when rules of the wire were broken as well, each so often, at last in this task."""
+    if not broken:
+        return failure
+    cause = f"wire rule broken: {', '.join(f'{rule} {count} times' for rule, count in broken.items())}"
+    return Failure(task, cause) if failure is None else replace(failure, also=(*failure.also, cause))
 
 
 def _beyond_undone(verdict: Verdict) -> tuple[str, ...]:

@@ -91,16 +91,14 @@ class RunOptions:
             raise ConfigurationError(
                 "--interface: got virtual with --paced or --attach, allowed is another, for it reaches no other process"
             )
+        elif self.faults and self.in_real_time:
+            raise ConfigurationError(f"--faults: got {self.faults} in real time, allowed is in lockstep")
         for flag, value, most in (
             ("--carry-speed", self.carry_speed, MOST_CARRY_SPEED),
             ("--carry-turn-deg", self.carry_turn_deg, MOST_CARRY_TURN_DEG),
         ):
             if not 0.0 <= value <= most:
                 raise ConfigurationError(f"{flag}: got {value:g}, allowed is 0 .. {most:g}")
-        if self.faults and self.device != "can":
-            raise ConfigurationError(
-                f"--faults: got {self.faults!r}, allowed is none with --device {self.device}: it has no bus"
-            )
         if not 1 <= self.until_task <= TASKS:
             raise ConfigurationError(f"--until-task: got {self.until_task}, allowed is 1 .. {TASKS}")
         if not 0.0 < self.time_limit_s <= LONGEST_S:
@@ -112,7 +110,12 @@ class RunOptions:
         return self.paced or self.attach or self.device == "zenoh" or self.interface not in ("", "virtual")
 
     def _refuse_bus_options(self) -> None:
-        given = {"--interface": self.interface, "--channel": self.channel, "--attach": self.attach}
+        given = {
+            "--interface": self.interface,
+            "--channel": self.channel,
+            "--attach": self.attach,
+            "--faults": self.faults,
+        }
         for flag, value in given.items():
             if value:
                 raise ConfigurationError(f"{flag}: got {value} with --device {self.device}, allowed with --device can")

@@ -20,6 +20,7 @@ from preshape.tools.can_world import open_lockstep_can, open_paced_can
 from preshape.tools.remote_world import open_served_world
 from preshape.tools.run_ended import Ended
 from preshape.tools.run_options import RunOptions
+from preshape.tools.wire_watch import WireWatch
 
 
 class RunWorld(Protocol):
@@ -91,10 +92,13 @@ class PacedRun:
 
 
 @contextmanager
-def open_world(drawn: Scenario, options: RunOptions, bus_log: Path | None = None) -> Generator[RunWorld]:
+def open_world(
+    drawn: Scenario, options: RunOptions, bus_log: Path | None = None, wire: WireWatch | None = None
+) -> Generator[RunWorld]:
     """Give the world of a drawn scenario, as the options ask for it, with its device open; leaving ends it.
 
-    `bus_log` is the file that the frames of a CAN world's buses are written to.
+    `bus_log` is the file that the frames of a CAN world's buses are written to; `wire` listens to them, and lets go
+    wrong what has been asked for.
 
     Raises:
         ConfigurationError: the buses asked for cannot be.
@@ -107,8 +111,11 @@ def open_world(drawn: Scenario, options: RunOptions, bus_log: Path | None = None
             with open_paced_can(drawn, options, setup) as world:
                 yield world
         else:
-            with open_lockstep_can(drawn, setup, bus_log) as can_lockstep:
-                yield LockstepRun(can_lockstep.world)
+            with open_lockstep_can(drawn, setup, bus_log, wire) as can_lockstep:
+                run = LockstepRun(can_lockstep.world)
+                if wire is not None:
+                    run.clock = wire.over(run.clock, can_lockstep.rack)
+                yield run
     elif options.device == "zenoh":
         with open_served_world(options.remote, drawn) as world:
             yield world

@@ -26,6 +26,7 @@ from preshape.sim_backend.scene import initial_box_pose, nominal_box, workcell
 from preshape.sim_backend.scene_perception import attach_sensors
 from preshape.sim_backend.sensors import SceneSensors
 from preshape.sim_backend.simulation import Simulation
+from preshape.tools.can_setup import can_setup
 from preshape.tools.controller_setup import ControllerSetup, setup_of
 from preshape.tools.evidence import Evidence
 from preshape.tools.feasibility import impossibility
@@ -41,6 +42,7 @@ from preshape.tools.run_world import RunWorld, open_world
 from preshape.tools.standby import await_start
 from preshape.tools.telemetry import Telemetry
 from preshape.tools.telemetry_config import TelemetryConfig
+from preshape.tools.wire_watch import WireWatch
 
 EMPTY_TICKS = 500
 """Ticks of the empty loop that a paced run is measured beside."""
@@ -92,7 +94,8 @@ def run_session(
     asked = options if cause is None else RunOptions()
     if asked.in_real_time:
         prepare_kernels(scenario, seed, asked)
-    with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log) as world:
+    wire = _wire_watch(asked, drawn.seed)
+    with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log, wire) as world:
         if live is not None and live.waits_for_start:
             options = await_start(live.orders, options)
         setup = setup_of(drawn, options)
@@ -101,6 +104,8 @@ def run_session(
         course = _prepare(world, setup, watching, recorder)
         if live is not None:
             live.watch(course.loop, watching, world.device)
+        if wire is not None:
+            watching.add(wire)
         if cause is not None:
             course.controller.work.task, course.error = cause
         else:
@@ -119,11 +124,19 @@ def run_session(
     ended = replace(finished, verdict=replace(finished.verdict, until_task=options.until_task))
     work = course.controller.work
     plan = plan_run(work.box, work.opening, work.grips)
-    report = run_report(drawn, options, course, ended, plan, watching)
+    heard = None if wire is None else wire.report()
+    report = run_report(drawn, options, course, ended, plan, watching, heard)
     if options.pictures and cause is None:
         evidence.plan = plan_drawing(plan)
     kept = evidence if evidence.ticks or evidence.storyboard else None
     return RunResult(drawn, report, exit_code(report, course), kept)
+
+
+def _wire_watch(options: RunOptions, seed: int) -> WireWatch | None:
+    """Return what listens to the buses, where there are any and they are in this process."""
+    if options.device != "can" or options.in_real_time:
+        return None
+    return WireWatch(options.faults, can_setup(options).topology, 1.0 / options.rate_hz, seed)
 
 
 def _telemetry(

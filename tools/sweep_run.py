@@ -9,11 +9,15 @@ import traceback
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.run_options import RunOptions
+
+if TYPE_CHECKING:
+    from preshape.tools.report import WireReport
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -122,8 +126,13 @@ def run_case(case: RunCase) -> RunOutcome:
         simulated_s=report.sim.seconds,
         overruns=report.loop.overruns,
         commands_sha256=report.commands_sha256,
+        wire=None if report.wire is None else _wire_figures(report.wire),
         figures=Figures(**{name: getattr(report.referee, name) for name in Figures.__struct_fields__}),
     )
+
+
+def _wire_figures(wire: WireReport) -> WireFigures:
+    return WireFigures(broken=wire.broken, torque_limit_ratio=wire.torque_limit_ratio, torque_ratio=wire.torque_ratio)
 
 
 def failed(case: RunCase, cause: str) -> RunOutcome:
