@@ -1,4 +1,4 @@
-"""A perception that tells a listener what it answers: the controller sees no difference."""
+"""A perception that tells listeners what it answers: the controller sees no difference."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ Listener = Callable[[AnyAnswer, NDArray[np.uint8] | None], None]
 class RecordedPerception:
     """`Perception` around another one, asked from one thread. Answers that are as before are not told."""
 
-    def __init__(self, inner: Perception, listener: Listener) -> None:
-        """Pass questions on to `inner`, and its answers to the listener."""
-        self._inner, self._listener = inner, listener
+    def __init__(self, inner: Perception, *listeners: Listener) -> None:
+        """Pass questions on to `inner`, and its answers to the listeners."""
+        self._inner, self._listeners = inner, listeners
         self._calls: dict[Question, int] = dict.fromkeys(QUESTIONS, -1)
         self._sample: PoseSample | None = None
         self._obstacles: tuple[OrientedBox, ...] = ()
@@ -41,7 +41,7 @@ class RecordedPerception:
         sample = self._inner.object_pose(now_ns)
         if call == 0 or not same_sample(sample, self._sample):
             self._sample = sample
-            self._listener(PoseAnswer(call=call, now_ns=now_ns, sample=sample), None)
+            self._tell(PoseAnswer(call=call, now_ns=now_ns, sample=sample), None)
         return sample
 
     def obstacles(self, now_ns: int) -> tuple[OrientedBox, ...]:
@@ -50,7 +50,7 @@ class RecordedPerception:
         obstacles = self._inner.obstacles(now_ns)
         if call == 0 or not same_obstacles(obstacles, self._obstacles):
             self._obstacles = obstacles
-            self._listener(ObstaclesAnswer(call=call, now_ns=now_ns, obstacles=obstacles), None)
+            self._tell(ObstaclesAnswer(call=call, now_ns=now_ns, obstacles=obstacles), None)
         return obstacles
 
     def image(self, now_ns: int) -> Image:
@@ -59,11 +59,15 @@ class RecordedPerception:
         try:
             image = self._inner.image(now_ns)
         except DeviceUnreachable as error:
-            self._listener(FailedAnswer(call=call, now_ns=now_ns, question="image", text=str(error)), None)
+            self._tell(FailedAnswer(call=call, now_ns=now_ns, question="image", text=str(error)), None)
             raise
         answer = ImageAnswer(call=call, now_ns=now_ns, stamp_ns=image.stamp_ns, model=image.model)
-        self._listener(answer, image.pixels)
+        self._tell(answer, image.pixels)
         return image
+
+    def _tell(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> None:
+        for listener in self._listeners:
+            listener(answer, pixels)
 
     def _count(self, question: Question) -> int:
         self._calls[question] += 1

@@ -92,3 +92,13 @@ def quaternion_xyzw(R: Matrix) -> Matrix:
     w = log_so3(R)
     half = 0.5 * float(np.sqrt(w @ w))
     return np.append(0.5 * np.sinc(half / np.pi) * w, np.cos(half))
+
+
+def rotation_xyzw(q: ArrayLike) -> Matrix:
+    """Return the rotation of a quaternion (4,), its scalar last; its length does not matter, zero is refused."""
+    x, y, z, w = (float(value) for value in np.asarray(q, float))
+    norm = x * x + y * y + z * z + w * w
+    if not norm > 0.0:
+        raise ValueError(f"quaternion: got {[x, y, z, w]}, allowed is one of any length but zero")
+    K = hat((x, y, z))
+    return _EYE3 + (2.0 / norm) * (w * K + K @ K)

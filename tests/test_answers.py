@@ -17,7 +17,7 @@ from preshape.hal.tick_record import TICK
 from preshape.hal.tick_ring import RingReader, RingWriter, ring_memory
 from preshape.hal.transform import exp_so3, transform
 from preshape.hal.world import CameraModel, Image, OrientedBox, PoseSample
-from preshape.tools.recorder_process import pack, unpack
+from preshape.tools.answer_pack import pack, unpack
 
 PERIOD_NS = 2_000_000
 CAMERA = CameraModel(transform((0.1, 0.2, 1.3), exp_so3(np.array([0.1, 2.0, 0.3]))), 1.0 / 3.0, 40, 30)

@@ -17,8 +17,9 @@ from preshape.hal.device import DeviceUnreachable
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.hal.waiting_ring import WaitingRingWriter
+from preshape.tools.answer_pack import pack
 from preshape.tools.controller_setup import ControllerSetup, encode_setup
-from preshape.tools.recorder_process import READER, Recorded, pack, run_recorder
+from preshape.tools.recorder_process import READER, Recorded, run_recorder
 
 READY_S = 60.0
 """Longest time until the process is ready, s."""

@@ -5,20 +5,16 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import struct
 import time
 from dataclasses import dataclass
 from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from preshape.hal.answers import AnyAnswer, decode_answer, encode_answer
 from preshape.hal.byte_ring import PIECE, ByteReader
 from preshape.hal.recording_file import RecordingFile
 from preshape.hal.tick_ring import RingMemory, RingReader
+from preshape.tools.answer_pack import unpack
 
 if TYPE_CHECKING:
     from preshape.tools.rerun_content import RerunContent
@@ -39,21 +35,6 @@ class Recorded:
     directory: str
     setup: bytes
     wall_offset_ns: int
-
-
-def pack(answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> bytes:
-    """Return an answer and its image as one message."""
-    text = encode_answer(answer)
-    height, width = (0, 0) if pixels is None else pixels.shape
-    return struct.pack("<III", len(text), height, width) + text + (b"" if pixels is None else pixels.tobytes())
-
-
-def unpack(message: bytes) -> tuple[AnyAnswer, NDArray[np.uint8] | None]:
-    """Return what `pack` has packed."""
-    size, height, width = struct.unpack_from("<III", message)
-    answer = decode_answer(message[12 : 12 + size])
-    pixels = np.frombuffer(message, np.uint8, height * width, 12 + size).reshape(height, width)
-    return answer, pixels if height else None
 
 
 def run_recorder(job: Recorded, ticks: RingMemory, answers: RingMemory, ready: Event) -> None:

@@ -54,8 +54,12 @@ class RerunContent:
         box: NominalBox,
         plot_s: float = PLOT_INTERVAL_S,
         motion_s: float = MOTION_INTERVAL_S,
+        told_events: bool = False,
     ) -> None:
-        """Draw around the controller's own knowledge, plots each `plot_s`, the scene each `motion_s`."""
+        """Draw around the controller's own knowledge, plots each `plot_s`, the scene each `motion_s` (s).
+
+        With `told_events` events and the loop's times are not read from the records: they come by themselves.
+        """
         self._stream = stream
         self._scene = RerunScene(stream, cell, box)
         self._field = RerunField(stream)
@@ -63,6 +67,7 @@ class RerunContent:
         self._pending: list[TickRecord] = []
         self._plots, self._motion = Thinning(plot_s), Thinning(motion_s)
         self._last: TickRecord | None = None
+        self._told_events = told_events
 
     def add_ticks(self, records: TickRecord) -> None:
         """Take the next records (n,) of dtype `TICK`."""
@@ -72,6 +77,10 @@ class RerunContent:
     def add_answer(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None = None) -> None:
         """Take one answer of the controller's perception."""
         self._scene.add_answer(answer, pixels)
+
+    def add_image(self, now_ns: int, pixels: NDArray[np.uint8]) -> None:
+        """Take one grey image (height, width)."""
+        self._scene.add_image(np.array([now_ns]), pixels)
 
     def flush(self) -> None:
         """Draw what has come and hand it over."""
@@ -86,7 +95,8 @@ class RerunContent:
         self._stream.close()
 
     def _draw(self, records: TickRecord) -> None:
-        self._stream.send_series(loop_times(records), records["now_ns"])
+        if not self._told_events:
+            self._stream.send_series(loop_times(records), records["now_ns"])
         plotted = records[self._plots.rows(records["now_ns"])]
         for series in record_series(plotted):
             self._stream.send_series(series, plotted["now_ns"])
@@ -110,6 +120,8 @@ class RerunContent:
         for path, values in columns.items():
             at = changes(values)[skip:]
             self._stream.send_states(path, rows["now_ns"][at], values[at].tolist())
+        if self._told_events:
+            return
         new = {name: set(changes(rows[name])[skip:].tolist()) for name in DOING}
         at = sorted(set().union(*new.values()))
         events = [_event(rows[row], str(task[row]), str(status[row])) for row in at]

@@ -18,7 +18,7 @@ from preshape.control.observer import Observer, Observers
 from preshape.hal.clock import Clock
 from preshape.hal.gate import SafetyGate
 from preshape.hal.kernel_warm_up import remember_signatures
-from preshape.hal.recorded_perception import RecordedPerception
+from preshape.hal.recorded_perception import Listener, RecordedPerception
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import SimClock
 from preshape.sim_backend.scenario import Scenario
@@ -42,6 +42,7 @@ from preshape.tools.run_world import RunWorld, open_world
 from preshape.tools.standby import await_start
 from preshape.tools.telemetry import Telemetry
 from preshape.tools.telemetry_config import TelemetryConfig
+from preshape.tools.telemetry_scene import scene_info
 from preshape.tools.wire_watch import WireWatch
 
 EMPTY_TICKS = 500
@@ -101,7 +102,8 @@ def run_session(
         setup = setup_of(drawn, options)
         if recorder is not None and cause is None:
             recorder.start(setup)
-        course = _prepare(world, setup, watching, recorder)
+        listeners = [part.hear for part in (recorder, live) if part is not None]
+        course = _prepare(world, setup, watching, listeners)
         if live is not None:
             live.watch(course.loop, watching, world.device)
         if wire is not None:
@@ -144,11 +146,13 @@ def _telemetry(
 ) -> AbstractContextManager[Telemetry | None]:
     if config is None:
         return nullcontext()
-    return Telemetry(config, options.device, options.in_real_time, float(options.rate_hz), workcell(drawn).X_world_base)
+    cell, box = workcell(drawn), nominal_box(drawn)
+    rate_hz = float(options.rate_hz)
+    return Telemetry(config, options.device, options.in_real_time, rate_hz, cell.X_world_base, scene_info(cell, box))
 
 
-def _prepare(world: RunWorld, setup: ControllerSetup, observer: Observer, recorder: Recorder | None) -> Course:
-    perception = world.perception if recorder is None else RecordedPerception(world.perception, recorder.hear)
+def _prepare(world: RunWorld, setup: ControllerSetup, observer: Observer, listeners: Sequence[Listener]) -> Course:
+    perception = RecordedPerception(world.perception, *listeners) if listeners else world.perception
     controller = setup.controller(perception, world.report_opening)
     gate = SafetyGate(setup.gate)
     loop = ControlLoop(world.device, world.clock, gate, observer, time.perf_counter_ns, setup.loop)

@@ -6,17 +6,24 @@ import multiprocessing
 import os
 from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+
 from preshape.control.loop import ControlLoop
 from preshape.control.observer import Observers
+from preshape.hal.answers import AnyAnswer, PoseAnswer
+from preshape.hal.byte_ring import CAPACITY, PIECE, ByteWriter
 from preshape.hal.description import robot_urdf
 from preshape.hal.device import Device, DeviceUnreachable
 from preshape.hal.layout import Side
 from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.hal.transform import Matrix
+from preshape.tools.answer_pack import pack
 from preshape.tools.part_figures import parts_memory
 from preshape.tools.parts_observer import PartsObserver
 from preshape.tools.telemetry_bridge import BridgeMemory, RobotFacts, run_bridge
 from preshape.tools.telemetry_config import TelemetryConfig
+from preshape.tools.telemetry_messages import SceneInfo
 from preshape.tools.telemetry_orders import Orders, OrdersWatch, orders_memory
 
 START_S = 30.0
@@ -40,6 +47,7 @@ class Telemetry:
         paced: bool,
         rate_hz: float,
         X_world_base: Mapping[Side, Matrix] | None = None,
+        scene: SceneInfo | None = None,
     ) -> None:
         """Start the process and wait until it listens.
 
@@ -47,11 +55,14 @@ class Telemetry:
             DeviceUnreachable: it cannot; the message says why.
         """
         context = multiprocessing.get_context("spawn")
-        memory = BridgeMemory(ring_memory(context), parts_memory(context), orders_memory(context))
+        heard = ring_memory(context, CAPACITY, PIECE)
+        memory = BridgeMemory(ring_memory(context), heard, parts_memory(context), orders_memory(context))
         self.orders = Orders(memory.orders)
-        self._writer, self._parts, self._rate_hz = RingWriter(memory.ring), memory.parts, rate_hz
+        self._writer, self._answers = RingWriter(memory.ring), ByteWriter(RingWriter(heard, PIECE))
+        self._parts, self._rate_hz = memory.parts, rate_hz
         self.waits_for_start = "start" in config.services
-        facts = RobotFacts(device=device, paced=paced, rate_hz=rate_hz, pid=os.getpid(), urdf=robot_urdf(X_world_base))
+        urdf = robot_urdf(X_world_base)
+        facts = RobotFacts(device=device, paced=paced, rate_hz=rate_hz, pid=os.getpid(), urdf=urdf, scene=scene)
         self._life, there = context.Pipe()
         self.process = context.Process(
             name="telemetry", target=run_bridge, args=(config, facts, READER, memory, there), daemon=True
@@ -68,6 +79,11 @@ class Telemetry:
         observers.add(self._writer)
         observers.add(PartsObserver(self._parts, device, self._rate_hz))
         observers.add(OrdersWatch(self.orders, loop.request_stop))
+
+    def hear(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> None:
+        """Hand over what the controller has been told of its surroundings; never waits."""
+        if not isinstance(answer, PoseAnswer):
+            self._answers.send(pack(answer, pixels))
 
     @property
     def note(self) -> str:

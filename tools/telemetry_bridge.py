@@ -10,9 +10,11 @@ from multiprocessing.connection import Connection
 
 import msgspec
 
+from preshape.hal.byte_ring import PIECE, ByteReader
 from preshape.hal.device import DeviceUnreachable
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.tick_ring import RingMemory, RingReader
+from preshape.tools.answer_pack import unpack
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.part_figures import PartsMemory, PartsReader
 from preshape.tools.process_state import process_state
@@ -21,10 +23,21 @@ from preshape.tools.telemetry_events import EventFinder
 from preshape.tools.telemetry_health import HealthMeter
 from preshape.tools.telemetry_info import robot_info, schema_info
 from preshape.tools.telemetry_keys import Keys
-from preshape.tools.telemetry_messages import Event, EventKind, Health, Heartbeat, PartState, Severity, UrdfInfo
+from preshape.tools.telemetry_messages import (
+    Event,
+    EventKind,
+    Health,
+    Heartbeat,
+    Message,
+    PartState,
+    SceneInfo,
+    Severity,
+    UrdfInfo,
+)
 from preshape.tools.telemetry_orders import Orders, OrdersMemory
 from preshape.tools.telemetry_publisher import RobotPublisher, payload_of
 from preshape.tools.telemetry_requests import Answer, Status
+from preshape.tools.telemetry_scene import SceneWatch
 from preshape.tools.telemetry_services import Services
 from preshape.tools.telemetry_states import Stamps, task_state
 from preshape.tools.telemetry_streams import StateStreams
@@ -42,20 +55,25 @@ LINGER_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotFacts:
-    """What the telemetry process is told of the run: the device's name, real time or not, the loop's rate, its pid."""
+    """What the telemetry process is told of the run.
+
+    The device's name, real time or not, the loop's rate, its process, the robot's description and its surroundings.
+    """
 
     device: str
     paced: bool
     rate_hz: float
     pid: int
     urdf: str
+    scene: SceneInfo | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BridgeMemory:
-    """What the two processes share: tick records and figures of parts out, orders in."""
+    """What the two processes share: tick records, perception's answers and figures of parts out, orders in."""
 
     ring: RingMemory
+    heard: RingMemory
     parts: PartsMemory
     orders: OrdersMemory
 
@@ -89,6 +107,7 @@ class _Bridge:
     def __init__(self, config: TelemetryConfig, facts: RobotFacts, reader: int, memory: BridgeMemory) -> None:
         self._config, self._facts = config, facts
         self._ring, self._orders = RingReader(memory.ring, reader), Orders(memory.orders)
+        self._answers, self._scene = ByteReader(RingReader(memory.heard, reader, PIECE)), SceneWatch()
         self._figures = PartsReader(memory.parts)
         self._buses: dict[str, Health] = {}
         self._wall_offset_ns = time.time_ns() - time.monotonic_ns()
@@ -110,6 +129,8 @@ class _Bridge:
         self.publisher.put("info/robot", msgspec.structs.replace(info, pid=facts.pid))
         self.publisher.put("info/urdf", UrdfInfo(urdf=facts.urdf))
         self.publisher.put("info/schema", schema_info())
+        if facts.scene is not None:
+            self.publisher.put("info/scene", facts.scene)
         for part in self._parts:
             self.publisher.set_alive(part, True)
 
@@ -171,9 +192,16 @@ class _Bridge:
             for tail, message in self._streams.messages(record):
                 self.publisher.put(tail, message)
         self._record = records[-1]
+        self._put_all(self._scene.see(records[-1]))
+        for answer, pixels in map(unpack, self._answers.read()):
+            self._put_all(self._scene.hear(answer, pixels))
         if self._ring.dropped > self._dropped:
             self._note("drops", "warning", f"{self._ring.dropped - self._dropped} tick records lost on their way here")
             self._dropped = self._ring.dropped
+
+    def _put_all(self, messages: list[tuple[str, Message]]) -> None:
+        for tail, message in messages:
+            self.publisher.put(tail, message)
 
     def _start_streams(self, first_ns: int) -> None:
         """Relate the loop's clock to Unix time: in lockstep simulated time counts from now."""
@@ -181,6 +209,7 @@ class _Bridge:
             self._wall_offset_ns = time.time_ns() - first_ns
         self._streams = StateStreams(self._rates, self._wall_offset_ns)
         self._events.wall_offset_ns = self._meter.wall_offset_ns = self._wall_offset_ns
+        self._scene.wall_offset_ns = self._wall_offset_ns
 
     def _set_rate(self, tail: str, rate_hz: float) -> None:
         self._rates[tail] = rate_hz

@@ -102,6 +102,58 @@ class TaskState(Stamped, frozen=True, tag="preshape/task/1"):
     held: bool
 
 
+class BodyState(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One box-shaped body: its pose, and its edges along its own axes."""
+
+    name: str
+    position: Point
+    orientation_xyzw: Point
+    size: Point
+
+
+class CameraInfo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A pinhole camera: z forward, x right, y down; its principal point lies in the middle of the image."""
+
+    position: Point
+    orientation_xyzw: Point
+    focal_px: float
+    width: int
+    height: int
+
+
+class SceneInfo(Message, frozen=True, tag="preshape/scene/1"):
+    """`info/scene`: what the controller knows of its surroundings and of the object before it has seen anything."""
+
+    bodies: list[BodyState]
+    object_size: Point
+    tab_size: Point
+    candidate_faces: list[str]
+    camera: CameraInfo
+
+
+class OpeningState(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the object opens: the face, the long edge with the tab, and the tab's offset along it."""
+
+    face: str
+    edge: str
+    offset: float
+
+
+class SceneState(Stamped, frozen=True, tag="preshape/scene_state/1"):
+    """`state/scene`, when it changes: the obstacles seen, and where the opening has been found (null before)."""
+
+    obstacles: list[BodyState]
+    opening: OpeningState | None
+
+
+class ImageState(Stamped, frozen=True, tag="preshape/image/1"):
+    """`state/camera`: each image that the controller has taken, as base64 of a JPEG."""
+
+    width: int
+    height: int
+    jpeg: bytes
+
+
 class Spread(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A distribution over the last second."""
 
@@ -200,7 +252,8 @@ class SchemaInfo(Message, frozen=True, tag="preshape/schema/1"):
 
 
 AnyMessage = (
-    JointsState | ObjectState | TaskState | Health | Event | Heartbeat | RobotInfo | UrdfInfo | SchemaInfo
+    JointsState | ObjectState | TaskState | SceneState | ImageState | Health | Event | Heartbeat
+    | RobotInfo | UrdfInfo | SceneInfo | SchemaInfo
 )  # fmt: skip
 """Everything that is published."""
 
