@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from preshape.control.aim import grasp_aim
+from preshape.control.aim import Aim, grasp_aim
 from preshape.control.body import Body
 from preshape.control.carrier import Carrier
 from preshape.control.contact_policy import Phase, Settling, apply_policy
@@ -24,6 +24,7 @@ from preshape.hal.state import Vector
 from preshape.hal.tick_record import TickRecord, note_field
 from preshape.hal.transform import Matrix, exp_so3, inverse, transform
 from preshape.hal.world import NominalBox, OrientedBox
+from preshape.planner.work_object import WorkObject
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,11 +54,11 @@ READ_AGE_NS = 50_000_000
 class FieldGuide:
     """The field of both hands over everything known, kept up to date tick by tick."""
 
-    def __init__(self, body: Body, sight: Sight, box: NominalBox, options: FieldOptions) -> None:
-        """Register the box, the workcell's static bodies and room for obstacles that appear."""
+    def __init__(self, body: Body, sight: Sight, box: NominalBox, target: WorkObject, options: FieldOptions) -> None:
+        """Register the object's parts as one body, the workcell's static bodies and room for obstacles that appear."""
         self._body, self._sight = body, sight
         self.obstacles = Obstacles(body.links)
-        self.obstacles.add("box", Kind.OBJECT, [OrientedBox("box", np.eye(4), box.size / 2)])
+        self.obstacles.add("box", Kind.OBJECT, target.boxes(np.eye(4)))
         for static in body.cell.statics:
             self.obstacles.add(static.name, Kind.ENVIRONMENT, [static])
         self.field = Field(body.links, self.obstacles, options)
@@ -110,15 +111,17 @@ def approach(
     carrier: Carrier | None = None,
     limits: ApproachLimits | None = None,
     note: Callable[[str], None] = lambda phase: None,
+    aim: Aim | None = None,
 ) -> Motion:
     """Bring a palm to a pose fixed to the box, its fingers to a preshape, repelled by everything else.
 
     The twist that a `carrier` commands at the box's centre is fed forward, so the field lives in the box's
-    frame. `TaskFailed` names a stall (no way on for `stall_s`) or the time being up.
+    frame. `aim` is what those who watch are told; by default it is derived from the box. `TaskFailed` names a
+    stall (no way on for `stall_s`) or the time being up.
     """
     limits = limits or ApproachLimits()
     settling = Settling(limits.settle_inner_m, limits.settle_outer_m)
-    body.aims[side] = grasp_aim(side, X_box_palm, preshape, guide.box)
+    body.aims[side] = aim or grasp_aim(side, X_box_palm, preshape, guide.box)
     phase, clearance, goal_box = Phase.APPROACH, None, np.full((4, 4), np.inf)
     best, best_tick, jumps = np.inf, 0, -1
     X_asked = body.asked_palm(side).copy()
@@ -178,6 +181,7 @@ def insert(
     carrier: Carrier | None = None,
     speed: float = 0.05,
     limits: ApproachLimits | None = None,
+    aim: Aim | None = None,
 ) -> Motion:
     """Lead the palm straight to a pose fixed to the box while the field moves the finger joints alone.
 
@@ -190,7 +194,7 @@ def insert(
     distance = float(np.linalg.norm(X_box_palm[:3, 3] - X_box_start[:3, 3]))
     count = ticks(body, max(15.0 / 8.0 * distance / speed, 0.3))
     hand = LAYOUT.hand(side)
-    body.aims[side] = grasp_aim(side, X_box_palm, preshape, guide.box)
+    body.aims[side] = aim or grasp_aim(side, X_box_palm, preshape, guide.box)
     clearance: Matrix | None = None
     for k in range(1, count + 1):
         guide.refresh()

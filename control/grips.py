@@ -6,7 +6,7 @@ other, the palm before the end cap. They were found in physics (see the change l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -52,6 +52,7 @@ class Grip:
 
     `torques` (13), N m: goals of the driven joints, nan where the joint keeps its angle. `opposed` names the
     pairs of fingers that press against each other: their torques are kept by closing or opening both together.
+    `advance` (3,) is the direction, in the palm's frame, in which the hand comes to the object.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Grip:
     stages: tuple[Stage, ...]
     torques: Vector
     opposed: tuple[tuple[str, str], ...]
+    advance: Vector = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
 
 def _joints(**angles: float) -> Vector:

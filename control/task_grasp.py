@@ -62,7 +62,7 @@ def glance(work: Work) -> Face | None:
     One glance cannot measure the opening (task 2 does); it only tells which face to show first.
     """
     image = work.sight.image()
-    matches = find_opening(image, work.sight.X_world_box, work.box, work.library, max_view_angle=GLANCE_VIEW_ANGLE)
+    matches = find_opening(image, work.sight.X_world_box, work.box, work.known_look(), max_view_angle=GLANCE_VIEW_ANGLE)
     decision = decide(matches)
     if decision.verdict in (Verdict.FOUND, Verdict.AMBIGUOUS) and decision.match is not None:
         return decision.match.opening.face

@@ -40,7 +40,7 @@ def look(work: Work) -> Decision:
     estimate: BoxEstimate | None = work.sight.estimate
     if estimate is None:
         raise TaskFailed("unseen: the box has no estimate")
-    return decide(find_opening(work.sight.image(), estimate.X_world_box, work.box, work.library, PRIOR))
+    return decide(find_opening(work.sight.image(), estimate.X_world_box, work.box, work.known_look(), PRIOR))
 
 
 def find_opening_area(work: Work, face: Face, end: Face, place: AirPlace) -> Generator[None, None, bool]:

@@ -25,6 +25,8 @@ from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.arm_kinematics import palm_pose
 from preshape.planner.arm_path import ALLOWED_DIP, PathQuery, PathStatus, plan_path
 from preshape.planner.arm_reach import ReachQuery, ReachStatus, reach
+from preshape.planner.plan import Plan
+from preshape.planner.work_object import WorkObject
 
 CARRY_MARGIN_M = 0.035
 """Clearance that paths keep while a box is held: its edges stick out of the held box's coarse shape, m."""
@@ -50,21 +52,25 @@ CLEARANCE_M = 0.020
 class Work:
     """The shared ground of one procedure; `task` and `phase` are what observers are told.
 
-    `stood_at` is the box's pose where it was taken from, `seen_at` its pose when the opening was found (world).
+    `box` is the object's outer size and what may open, `target` its parts as the planner knows them. `library` is
+    the known look of an opening, None for an object that has none. `stood_at` is the box's pose where it was taken
+    from, `seen_at` its pose when the opening was found (world); `plan` is the one that grips were chosen from.
     """
 
     cell: Workcell
     box: NominalBox
-    library: TextureLibrary
+    target: WorkObject
     body: Body
     sight: Sight
     hands: dict[Side, Hand]
     guard: ObstacleGuard
     carry: CarryOptions
+    library: TextureLibrary | None = None
     opening: Opening | None = None
     grips: dict[Side, Grip] = field(default_factory=dict)
     seen_at: Matrix | None = None
     stood_at: Matrix | None = None
+    plan: Plan | None = None
     task: int = 1
     phase: str = "start"
     notes: list[str] = field(default_factory=list)
@@ -74,9 +80,16 @@ class Work:
         held = held or self._held()
         obstacles = [OrientedBox(seen.name, seen.X_world_box, seen.half + SPREAD_M) for seen in self.sight.obstacles]
         if held is None and self.sight.estimate is not None:
-            obstacles.append(OrientedBox("box", self.sight.X_world_box, self.box.size / 2))
+            parts = self.target.boxes(self.sight.X_world_box)
+            obstacles += [OrientedBox("box", part.X_world_box, part.half) for part in parts]
         q_hands: dict[Side, Vector] = {side: self.body.asked_fingers(side) for side in SIDES}
         return ArmCollision(self.cell, q_hands, held, tuple(obstacles), exempt)
+
+    def known_look(self) -> TextureLibrary:
+        """Return the known look of the opening; `TaskFailed` for an object that has none."""
+        if self.library is None:
+            raise TaskFailed("unseen: nothing is known of how an opening looks")
+        return self.library
 
     def _held(self) -> HeldBox | None:
         side = self.sight.held_by

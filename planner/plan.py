@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from preshape.planner.areas import Areas, Reading, plan_areas
@@ -82,6 +82,20 @@ class Plan:
     def certificate(self) -> Certificate | None:
         """Why there is no plan on any part, None if there is one."""
         return self.chosen.certificate
+
+    def taking(self, hand: Hand, task: int, taken: RankedOption) -> Plan:
+        """Return the plan with another option of a hand's grasp in a task (from 1) as the chosen one.
+
+        Raises:
+            ValueError: it is no option of that grasp.
+        """
+        part, grasp = self.chosen, self.chosen.grasp(hand, task)
+        if grasp is None or not any(taken is option for option in grasp.options):
+            raise ValueError(f"taken: {taken.option} is no option of hand {hand} in task {task}")
+        others = tuple(option for option in grasp.options if option is not taken)
+        moved = replace(grasp, options=(taken, *others))
+        grasps = tuple(moved if other is grasp else other for other in part.grasps)
+        return Plan(self.scene, (replace(part, grasps=grasps),) + tuple(p for p in self.parts if p is not part))
 
     def options(self, hand: Hand, task: int) -> tuple[RankedOption, ...]:
         """Return a hand's options in a task (from 1), the chosen one first; empty where it has no grasp."""

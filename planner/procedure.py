@@ -175,7 +175,7 @@ PAPER_PROCEDURE = Procedure(
 """The five tasks of section II with the equalities of eq. (1)."""
 
 LIFT_PROCEDURE = Procedure(
-    tasks=(Task("grasp", 1, "none", "r"), Task("lift", 1, "none", "r", place="lifted")),
+    tasks=(Task("grasp", 1, "none", "r"), Task("hold", 1, "none", "r", place="lifted")),
     blocks=(Block("r", 1, 2),),
 )
-"""What is done with an object that has no opening: take it and lift it."""
+"""What is done with an object that has no opening: take it, lift it, hold it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import product
 
 import mujoco
@@ -41,8 +42,11 @@ def hand(side: Side) -> tuple[str, ...]:
     return tuple(f"{side}_{part}" for part in HAND_CLASSES)
 
 
+Rules = Mapping[int, tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]]
+"""Stage -> pairs of class groups that may touch; every pair not listed must not."""
+
 _LID_PINCH = ("rim", "lid", "tab")
-RULES: dict[int, tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]] = {
+RULES: Rules = {
     1: ((("table",), BOX), (hand("right"), BOX)),
     2: ((("table",), BOX), (hand("right"), BOX)),
     3: ((hand("right"), BOX), (hand("left"), BOX)),
@@ -50,16 +54,20 @@ RULES: dict[int, tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]] = {
     5: ((("right_thumb",), BOX), (("right_fore", "right_middle"), _LID_PINCH), (hand("left"), BOX)),
     6: ((("right_thumb",), BOX), (("right_fore", "right_middle"), _LID_PINCH), (hand("left"), BOX)),
 }
-"""Stage -> pairs of class groups that may touch; every pair not listed must not.
+"""The opening. In stage 2 the right hand may set the box down again to take it the other way round."""
 
-In stage 2 the right hand may set the box down again to take it the other way round.
-"""
+LIFT_RULES: Rules = {
+    1: ((("table",), BOX), (hand("right"), BOX)),
+    2: ((hand("right"), BOX),),
+    3: ((hand("right"), BOX),),
+}
+"""The lift of an object that has no lid, all of which counts as shell: once lifted it stays off the table."""
 
 
-def contact_table() -> NDArray[np.int8]:
+def contact_table(all_rules: Rules = RULES) -> NDArray[np.int8]:
     """Return the table (stage, class, class), symmetric: UNDESIRED, ALLOWED or SELF; stage 0 is not used."""
     table = np.full((STAGES + 1, len(CLASSES), len(CLASSES)), UNDESIRED, dtype=np.int8)
-    for stage, rules in RULES.items():
+    for stage, rules in all_rules.items():
         for first, second in rules:
             for a, b in product(first, second):
                 table[stage, CLASS[a], CLASS[b]] = table[stage, CLASS[b], CLASS[a]] = ALLOWED

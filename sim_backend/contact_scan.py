@@ -13,8 +13,18 @@ from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
 from preshape.hal.world import FACES, face_normal
 from preshape.sim_backend.compiled import compiled
-from preshape.sim_backend.contact_rules import CLASS, PARTS, contact_table, geom_classes, hand, hand_links
+from preshape.sim_backend.contact_rules import (
+    CLASS,
+    PARTS,
+    RULES,
+    Rules,
+    contact_table,
+    geom_classes,
+    hand,
+    hand_links,
+)
 from preshape.sim_backend.scenario import Scenario
+from preshape.sim_backend.solid_object import corners
 
 Indices = NDArray[Any]
 
@@ -39,18 +49,19 @@ class ContactScan:
 
     `face_load` (6,): force into each face of the box, N, in the order of FACES. `link_load` (36,): normal force
     of each hand part on the box, N. `link_slide` (36, 3): load-weighted mean tangential velocity of the hand part
-    against the box at its contacts, in the box's frame, m/s. `lowest` m: height of the shell's lowest corner.
+    against the box at its contacts, in the box's frame, m/s. `lowest` m: height of the object's lowest corner.
     """
 
-    def __init__(self, model: mujoco.MjModel, scenario: Scenario) -> None:
-        """Prepare lookups for a model built from a drawn scenario."""
+    def __init__(self, model: mujoco.MjModel, scenario: Scenario, rules: Rules = RULES) -> None:
+        """Prepare lookups for a model built from a drawn scenario, and the rules of who may touch whom."""
         self._box = model.body("box").id
         self._lid = next((b for b in range(model.nbody) if model.body(b).name == "lid"), self._box)
         self._classes, self._links = geom_classes(model), hand_links(model)
-        self._table = contact_table()
+        self._table = contact_table(rules)
         self._seen = np.zeros((model.ngeom, model.ngeom), dtype=np.uint8)
         self._fresh = np.zeros((32, 3), dtype=np.int64)
         self._half = np.array(scenario.box.size_m) / 2
+        self._corners = corners(scenario)
         self._opening = face_normal(scenario.opening.face)
         self.face_load = np.zeros(len(FACES))
         self.link_load = np.zeros(LINKS)
@@ -66,8 +77,8 @@ class ContactScan:
         bits, count, self.lowest = _scan(
             contact.geom, contact.frame, contact.pos, contact.dist, contact.efc_address, data.efc_force, data.efc_vel,
             self._classes, self._links, self._table[stage], self._seen, self._fresh,
-            data.xmat[self._box], data.xpos[self._box], data.xmat[self._lid], self._half, self._opening, lid_shut,
-            self.face_load, self.link_load, self.link_slide,
+            data.xmat[self._box], data.xpos[self._box], data.xmat[self._lid], self._half, self._corners,
+            self._opening, lid_shut, self.face_load, self.link_load, self.link_slide,
         )  # fmt: skip
         return bits, self._fresh[:count]
 
@@ -76,7 +87,7 @@ class ContactScan:
 def _scan(
     geoms: Indices, frames: Matrix, points: Matrix, depths: Vector, addresses: Indices, force: Vector, velocity: Vector,
     classes: Indices, links: Indices, table: Indices, seen: Indices, fresh: Indices,
-    R_box: Vector, p_box: Vector, R_lid: Vector, half: Vector, opening: Vector, lid_shut: bool,
+    R_box: Vector, p_box: Vector, R_lid: Vector, half: Vector, corners: Matrix, opening: Vector, lid_shut: bool,
     face_load: Vector, link_load: Vector, link_slide: Matrix,
 ) -> tuple[int, int, float]:  # fmt: skip
     bits = 0
@@ -154,5 +165,8 @@ def _scan(
     for link in range(len(link_load)):
         if link_load[link] > 0.0:
             link_slide[link] /= link_load[link]
-    lowest = p_box[2] - half[0] * abs(R_box[6]) - half[1] * abs(R_box[7]) - half[2] * abs(R_box[8])
+    lowest = np.inf
+    for n in range(len(corners)):
+        height = p_box[2] + R_box[6] * corners[n, 0] + R_box[7] * corners[n, 1] + R_box[8] * corners[n, 2]
+        lowest = min(lowest, height)
     return bits, count, lowest

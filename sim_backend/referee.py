@@ -1,4 +1,4 @@
-"""The referee: reads only simulator truth, every step, and alone decides whether the box was opened."""
+"""The referee: reads only simulator truth, every step, and alone decides whether the procedure was done."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from preshape.sim_backend.commanded_palm import CommandedPalm
 from preshape.sim_backend.contact_rules import CLASS, SELF, geom_classes, hand
 from preshape.sim_backend.contact_scan import LEFT_ON_BOX, RIGHT_ON_BOX, TABLE_ON_BOX, ContactScan
 from preshape.sim_backend.hold_slip import HoldSlip, Sustained
+from preshape.sim_backend.judged import judged
 from preshape.sim_backend.lid_truth import LidTruth
-from preshape.sim_backend.referee_report import TASK_NAMES, Contact, TaskTruth, Verdict
+from preshape.sim_backend.referee_report import Contact, TaskTruth, Verdict
 from preshape.sim_backend.scene import TIMESTEP_S
 from preshape.sim_backend.simulation import Simulation
-from preshape.sim_backend.stages import CLEAR_M, Glance, Stages, opening_error
+from preshape.sim_backend.stages import CLEAR_M, Glance, opening_error
 
 TORQUE_TIME_S = 0.010
 """Torque above its bound must last longer than this to count."""
@@ -25,8 +26,6 @@ CLEARANCE_PERIOD = 20
 """Steps between two looks at the right hand's distance from the box, while it matters."""
 DROP_HEIGHT_M, DROP_TIME_S = 0.010, 0.020
 """A box that no hand has touched for this long, this high above the table, or that low below it, is dropped."""
-DESIRED_CONTACTS = {"1": "lift_off", "3": "T3", "4": "tab_touch", "5": "pinched"}
-"""Task -> the event that shows the contact it asks for."""
 RETAKE_S = 0.2
 """A new try at the regrasp begins after the taking hand has been off the box for this long."""
 
@@ -42,8 +41,9 @@ class Referee:
         """Attach to a simulation that has not been stepped yet."""
         self._simulation = simulation
         model, scenario = simulation.model, simulation.scenario
-        self._contacts = ContactScan(model, scenario)
-        self._stages = Stages()
+        self._judged = judged(scenario.shape)
+        self._contacts = ContactScan(model, scenario, self._judged.rules)
+        self._stages = self._judged.stages()
         self._slip = HoldSlip(TIMESTEP_S)
         self._torque = Sustained(LAYOUT.dof, round(TORQUE_TIME_S / TIMESTEP_S) + 1)
         self._panels = Sustained(len(FACES), max(1, round(scenario.strengths.tear_time_s / TIMESTEP_S)))
@@ -65,7 +65,7 @@ class Referee:
 
     @property
     def stage(self) -> int:
-        """Task k = 1 .. 5 that the world is truly in (all before it have ended), 6 after the last."""
+        """Task that the world is truly in, from 1 on (all before it have ended), one more after the last."""
         return self._stages.stage
 
     @property
@@ -98,7 +98,7 @@ class Referee:
         return Verdict(
             undesired_contacts=tuple(self._undesired),
             self_contacts=tuple(self._self),
-            desired_contacts_made={task: event in events for task, event in DESIRED_CONTACTS.items()},
+            desired_contacts_made={task: event in events for task, event in self._judged.desired.items()},
             dropped="dropped" in events,
             crushed="crushed" in events,
             max_torque_ratio=float(ratios.max()),
@@ -116,15 +116,16 @@ class Referee:
             tab_torn=lid.tab_torn,
             torn_fraction=lid.torn_fraction,
             opening_error=stages.opening_error,
-            tasks=tuple(self._task(number) for number in TASK_NAMES),
+            tasks=tuple(self._task(number) for number in self._judged.names),
             events=dict(events),
+            until_task=len(self._judged.names),
         )
 
     def _task(self, number: int) -> TaskTruth:
         events = self._stages.events
         starts = {1: 0.0, 3: events.get("opening_reported")}
         start = starts[number] if number in starts else events.get(f"T{number - 1}")
-        return TaskTruth(number, TASK_NAMES[number], self._stages.done(number), start, events.get(f"T{number}"))
+        return TaskTruth(number, self._judged.names[number], self._stages.done(number), start, events.get(f"T{number}"))
 
     def _look(self, time_ns: int) -> None:
         simulation, stages, lid = self._simulation, self._stages, self._lid
@@ -151,9 +152,8 @@ class Referee:
     def _watch_hold(self, seconds: float) -> None:
         stages, contacts, bits = self._stages, self._contacts, self._bits
         lifted = "lift_off" in stages.events and not bits & TABLE_ON_BOX
-        self._slip.update(
-            contacts.link_load, contacts.link_slide, lifted and stages.stage <= 3, lifted and stages.stage >= 3
-        )
+        by_left = lifted and stages.stage >= 3 and self._judged.passed_on
+        self._slip.update(contacts.link_load, contacts.link_slide, lifted and stages.stage <= 3, by_left)
         if bits & (RIGHT_ON_BOX | LEFT_ON_BOX):
             self._untouched_s = 0.0
         else:
@@ -161,7 +161,7 @@ class Referee:
             high = contacts.lowest > DROP_HEIGHT_M and self._untouched_s >= DROP_TIME_S
             if "dropped" not in stages.events and (high or contacts.lowest < -DROP_HEIGHT_M):
                 stages.events["dropped"] = seconds
-        if stages.stage == 3:
+        if stages.stage == 3 and self._judged.passed_on:
             self._watch_regrasp(bool(bits & LEFT_ON_BOX))
 
     def _watch_regrasp(self, left_touches: bool) -> None:

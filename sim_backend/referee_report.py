@@ -1,4 +1,4 @@
-"""The referee's verdict as a value: what `report.json` carries under `referee`, and whether the box is open."""
+"""The referee's verdict as a value: what `report.json` carries under `referee`, and whether it is a success."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 
 TASK_NAMES = {1: "grasp", 2: "inspect", 3: "regrasp", 4: "crush", 5: "open"}
+"""The paper's tasks."""
+LIFT_TASK_NAMES = {1: "grasp", 2: "hold"}
+"""The tasks of an object that has no lid."""
 
 TORQUE_RATIO_ALLOWED = 1.2
 """Link-side torque over limit that must not last."""
@@ -100,7 +103,7 @@ class Verdict:
 
     @property
     def success(self) -> bool:
-        """Whether the tasks asked for, by default all five, were done as DESIGN.md asks."""
+        """Whether the tasks asked for, by default all, were done as DESIGN.md asks."""
         return not self.failures
 
     def as_dict(self) -> dict[str, object]:

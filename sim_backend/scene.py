@@ -11,6 +11,7 @@ from preshape.hal.world import CameraModel, NominalBox, OrientedBox, Workcell, f
 from preshape.sim_backend.paper_box import add_paper_box
 from preshape.sim_backend.robot_model import robot_spec
 from preshape.sim_backend.scenario import ObstacleSection, Scenario
+from preshape.sim_backend.solid_object import add_solid_object
 
 TIMESTEP_S = 0.001
 COLUMN_RADIUS = 0.07
@@ -64,11 +65,10 @@ def workcell(scenario: Scenario) -> Workcell:
 
 
 def nominal_box(scenario: Scenario) -> NominalBox:
-    """Return what the controller is told of the box: size and candidate faces, not where it opens."""
+    """Return what the controller is told of the box: size and candidate faces (if it opens), not where it opens."""
     opening = scenario.opening
-    return NominalBox(
-        np.array(scenario.box.size_m), opening.candidate_faces, tab_size=(opening.tab_length_m, opening.tab_depth_m)
-    )
+    candidates = opening.candidate_faces if scenario.shape == "box" else ()
+    return NominalBox(np.array(scenario.box.size_m), candidates, tab_size=(opening.tab_length_m, opening.tab_depth_m))
 
 
 CONTACT_TIME_S = 0.006
@@ -88,7 +88,8 @@ def build_scene(scenario: Scenario) -> mujoco.MjModel:
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone, option.impratio, option.noslip_iterations = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0, 5
     _add_statics(spec, scenario)
-    add_paper_box(spec, scenario, initial_box_pose(scenario))
+    add_object = add_paper_box if scenario.shape == "box" else add_solid_object
+    add_object(spec, scenario, initial_box_pose(scenario))
     for obstacle in scenario.obstacles:
         _add_obstacle(spec, obstacle)
     # MuJoCo takes the larger friction of a pair: every geom gets the scenario's.

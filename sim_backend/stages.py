@@ -1,4 +1,4 @@
-"""The five predicates on true events: which task the world is in, and when each was truly done."""
+"""The predicates of the opening on true events: which task the world is in, and when each was truly done."""
 
 from __future__ import annotations
 
@@ -79,20 +79,24 @@ class Stages:
 
     def update(self, glance: Glance) -> None:
         """Take one step."""
-        now, bits = glance.seconds, glance.bits
         self._note_firsts(glance)
+        self.walk(glance)
+
+    def walk(self, glance: Glance) -> None:
+        """Go to the next stage if its predicate has come true."""
+        now, bits = glance.seconds, glance.bits
         if self.stage == 1 and bits & _ANYONE == RIGHT_ON_BOX and glance.lowest >= LIFT_M:
-            self._reach("T1", 2, now)
+            self.reach("T1", 2, now)
         if self.stage == 2 and "opening_reported" in self.events:
             self.stage = 3
-        if self.stage == 3 and self._lasts("left_alone", bits & _ANYONE == LEFT_ON_BOX, now, LEFT_ALONE_S):
-            self._reach("T3", 4, now)
+        if self.stage == 3 and self.lasts("left_alone", bits & _ANYONE == LEFT_ON_BOX, now, LEFT_ALONE_S):
+            self.reach("T3", 4, now)
         if self.stage == 4:
             if glance.tab_torn and glance.tab_rad >= TAB_PUSHED_RAD:
                 self.events.setdefault("tab_pushed", now)
             is_clear = "tab_pushed" in self.events and glance.is_clear
-            if self._lasts("clear", is_clear, now, CLEAR_S):
-                self._reach("T4", 5, now)
+            if self.lasts("clear", is_clear, now, CLEAR_S):
+                self.reach("T4", 5, now)
         if self.stage == 5:
             self._watch_lid(glance)
 
@@ -105,8 +109,8 @@ class Stages:
         if abs(self._thumb_s - self._finger_s) <= PINCH_GAP_S:
             self.events.setdefault("pinched", now)
         released = "pinched" in self.events and not bits & (RIGHT_ON_BOX | RIGHT_ON_LID)
-        if self._lasts("lid_open", released and glance.lid_rad >= LID_OPEN_RAD, now, LID_OPEN_S):
-            self._reach("T5", 6, now)
+        if self.lasts("lid_open", released and glance.lid_rad >= LID_OPEN_RAD, now, LID_OPEN_S):
+            self.reach("T5", 6, now)
 
     def _note_firsts(self, glance: Glance) -> None:
         events, now, bits = self.events, glance.seconds, glance.bits
@@ -121,11 +125,12 @@ class Stages:
         if "tab_torn" not in events and glance.tab_torn:
             events["tab_torn"] = now
 
-    def _reach(self, event: str, stage: int, now: float) -> None:
+    def reach(self, event: str, stage: int, now: float) -> None:
+        """Note an event and enter a stage."""
         self.events.setdefault(event, now)
         self.stage = stage
 
-    def _lasts(self, name: str, holds: bool, now: float, duration_s: float) -> bool:
+    def lasts(self, name: str, holds: bool, now: float, duration_s: float) -> bool:
         """Tell whether a condition has held without a break for a duration."""
         if not holds:
             self._since.pop(name, None)

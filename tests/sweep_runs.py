@@ -2,6 +2,7 @@
 
 import os
 
+from preshape.sim_backend.referee_report import TASK_NAMES
 from preshape.tools.sweep_run import THREAD_VARIABLES, Figures, RunCase, RunOutcome
 
 RAISES, DIES = 3, 5
@@ -25,7 +26,9 @@ def run_outcome(
         failure=None if cause is None else f"task {task}: {cause}",
         failed_task=task,
         cause=cause,
+        task_names=tuple(TASK_NAMES.values()),
         tasks_done=tuple(number < done for number in range(5)),
+        attempts=(1,) * 5,
         simulated_s=10.0 + seed,
         figures=None if slip_mm is None else figures(slip_mm),
     )

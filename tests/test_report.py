@@ -15,7 +15,7 @@ import pytest
 from preshape.control.loop_result import LoopOutcome, LoopResult
 from preshape.control.timing import LoopTiming
 from preshape.hal.tick_record import TickRecord
-from preshape.sim_backend.referee_report import TaskTruth, Verdict
+from preshape.sim_backend.referee_report import TASK_NAMES, TaskTruth, Verdict
 from preshape.tools.configuration import load_scenario
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import RefereeReport, Report, decode_report, encode_report, referee_report
@@ -69,7 +69,7 @@ VERDICT = Verdict(
     tab_torn=True,
     torn_fraction=1.0,
     opening_error=(0.001, 0.02),
-    tasks=tuple(TaskTruth(k, "task", True, float(k - 1), float(k)) for k in range(1, 6)),
+    tasks=tuple(TaskTruth(k, TASK_NAMES[k], True, float(k - 1), float(k)) for k in TASK_NAMES),
     events={},
 )
 """A success."""
@@ -214,10 +214,10 @@ def test_the_earliest_thing_against_a_run_is_its_cause() -> None:
 def test_a_run_until_a_task_is_judged_on_the_tasks_up_to_it() -> None:
     undone = (*VERDICT.tasks[:3], *(replace(task, done=False, end_s=None) for task in VERDICT.tasks[3:]))
     whole = replace(VERDICT, tasks=undone, torn_fraction=0.0)
-    assert whole.failures == ("task 4 (task) not done", "task 5 (task) not done", "torn fraction below 0.9")
+    assert whole.failures == ("task 4 (crush) not done", "task 5 (open) not done", "torn fraction below 0.9")
     for last in (1, 2, 3):
         assert replace(whole, until_task=last).success
-    assert replace(whole, until_task=4).failures == ("task 4 (task) not done",)
+    assert replace(whole, until_task=4).failures == ("task 4 (crush) not done",)
     dropped = replace(whole, until_task=3, dropped=True, events={"dropped": 3.5})
     failure = name_failure(dropped, ended(LoopOutcome.FINISHED, "done"), 3, None, None)
     assert failure is not None and failure.cause == "dropped: at 3.50 s"

@@ -19,6 +19,7 @@ from preshape.control.link_boxes import LinkBoxes
 from preshape.control.loop import ControlLoop
 from preshape.control.loop_result import LoopConfig
 from preshape.control.object_filter import ObjectFilter
+from preshape.control.procedure_control import ProcedureControl
 from preshape.control.smoothing import Smoother
 from preshape.hal.gate import SafetyGate
 from preshape.hal.tick_record import TickRecord, text_of
@@ -45,8 +46,8 @@ METHODS = {
     (Smoother, "update"): "smoothing",
     (ObjectFilter, "observe"): "estimate",
     (ObjectFilter, "estimate"): "estimate",
-    (BoxOpening, "step"): "rest of step",
-    (BoxOpening, "note"): "notify",
+    (ProcedureControl, "step"): "rest of step",
+    (ProcedureControl, "note"): "notify",
     (SafetyGate, "check"): "gate",
     (MujocoDevice, "write"): "write",
     (TickBuffer, "notify"): "notify",

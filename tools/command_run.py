@@ -45,6 +45,7 @@ class Options(RunOptions):
 
 def execute(options: Options) -> int:
     """Run and report; return the exit code."""
+    from preshape.sim_backend.judged import judged
     from preshape.tools.configuration import load_scenario
     from preshape.tools.progress import RunProgress
     from preshape.tools.recorder import Recorder
@@ -58,7 +59,7 @@ def execute(options: Options) -> int:
     telemetry = load_telemetry(options.telemetry_config) if wanted else None
     directory = choose_directory(options.out, scenario.name, seed)
     bus_log = directory / "can.log" if options.device == "can" and options.record else None
-    with Recorder(directory) as recorder, RunProgress() as progress:
+    with Recorder(directory) as recorder, RunProgress(judged(scenario.shape).names) as progress:
         kept = recorder if options.record else None
         result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log, kept)
     files = recorder.files | write_run(result, directory)

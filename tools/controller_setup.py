@@ -12,13 +12,18 @@ from preshape.control.box_opening import BoxOpening
 from preshape.control.carrier import CarryOptions
 from preshape.control.field import FieldOptions
 from preshape.control.loop_result import LoopConfig
+from preshape.control.object_lift import ObjectLift
+from preshape.control.procedure_control import ProcedureControl
 from preshape.hal.answers import plain, rebuilt
 from preshape.hal.gate_config import GateConfig
+from preshape.hal.object_shape import ShapeName
 from preshape.hal.transform import Matrix
 from preshape.hal.world import NominalBox, Opening, Perception, TextureLibrary, Workcell
+from preshape.sim_backend.referee_report import LIFT_TASK_NAMES
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import nominal_box, workcell
 from preshape.sim_backend.texture import texture_library
+from preshape.tools.planned_task import shaped_object
 from preshape.tools.run_options import RunOptions
 
 
@@ -31,6 +36,7 @@ class ControllerSetup:
         name: what the run is called: its scenario and seed.
         paced: whether the controller thinks in a thread of its own, and ticks may hold.
         cell, box, library: what it knows of the workcell, the object and the opening's look.
+        shape: of the object; a box is opened, anything else is lifted.
         field, carry, until_task: its options.
         loop, gate: limits of the loop and of the safety gate.
     """
@@ -41,6 +47,7 @@ class ControllerSetup:
     cell: Workcell
     box: NominalBox
     library: TextureLibrary
+    shape: ShapeName
     field: FieldOptions
     carry: CarryOptions
     until_task: int
@@ -49,9 +56,12 @@ class ControllerSetup:
 
     def controller(
         self, perception: Perception, report_opening: Callable[[Opening, Matrix], None] = lambda opening, X: None
-    ) -> BoxOpening:
+    ) -> ProcedureControl:
         """Return a new controller that asks this perception."""
         period_s = 1.0 / self.loop.rate_hz
+        if self.shape != "box":
+            target, until_task = shaped_object(self.shape, self.box), min(self.until_task, len(LIFT_TASK_NAMES))
+            return ObjectLift(self.cell, self.box, target, perception, period_s, self.field, until_task)
         return BoxOpening(
             self.cell, self.box, self.library, perception, period_s, self.field, report_opening, self.carry,
             self.until_task,
@@ -67,6 +77,7 @@ def setup_of(drawn: Scenario, options: RunOptions) -> ControllerSetup:
         cell=workcell(drawn),
         box=nominal_box(drawn),
         library=texture_library(opening.tab_length_m, opening.tab_depth_m),
+        shape=drawn.shape,
         field=FieldOptions(norm=options.norm, ties=options.ties, mode=options.field),
         carry=CarryOptions(
             speed=options.carry_speed,

@@ -25,11 +25,11 @@ def impossibility(cell: Workcell, box: NominalBox, X_world_box: Matrix) -> tuple
     """Return the task that nobody could do with a box at a pose, and why; None if nothing is known against it.
 
     Only what is necessary is checked: two opposite faces that a hand spans, a face that the right palm reaches,
-    and that both arms reach the two ends of the box where it is handed over.
+    and, for a box that may open, that both arms reach its two ends where it is handed over.
     """
     if cause := _span_cause(box) or _reach_cause(cell, box, X_world_box):
         return 1, cause
-    if cause := _handover_cause(cell, box):
+    if box.candidate_faces and (cause := _handover_cause(cell, box)):
         return 3, cause
     return None
 

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from preshape.hal.object_shape import primitives
-from preshape.hal.world import Face, Opening
+from preshape.hal.object_shape import ShapeName, primitives
+from preshape.hal.world import Face, NominalBox, Opening
 from preshape.planner.air_pose import open_places
 from preshape.planner.areas import BlockArea, Reading
 from preshape.planner.parts import box_part, cylinder_part
@@ -94,13 +94,19 @@ def _raised(block: Block, by: int) -> Block:
 
 def work_object(scenario: Scenario) -> WorkObject:
     """Return the object of a scenario as the planner knows it."""
-    if scenario.shape == "box":
-        return box_object(nominal_box(scenario))
+    return shaped_object(scenario.shape, nominal_box(scenario))
+
+
+def shaped_object(shape: ShapeName, box: NominalBox) -> WorkObject:
+    """Return an object of a shape as the planner knows it; `box` is its outer size, and what may open."""
+    if shape == "box":
+        return box_object(box)
+    x, y, z = box.size.tolist()
     parts = [
         box_part(p.name, p.size, p.X_object_part)
         if p.kind == "box"
         else cylinder_part(p.name, float(p.size[0]) / 2.0, float(p.size[2]), p.X_object_part)
-        for p in primitives(scenario.shape, scenario.box.size_m)
+        for p in primitives(shape, (x, y, z))
     ]
     return object_of_parts(parts)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from threading import Event, Thread
 from typing import Protocol
@@ -11,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from preshape.hal.tick_record import TickRecord
-from preshape.sim_backend.referee_report import TASK_NAMES
 
 INTERVAL_S = 0.2
 """Time between two looks at what the run has done, s."""
@@ -19,21 +19,23 @@ INTERVAL_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The beginning of a phase: loop time since the first tick (s), task, phase."""
+    """The beginning of a phase: loop time since the first tick (s), task, its name, phase."""
 
     time_s: float
     task: int
+    name: str
     phase: str
 
     def __str__(self) -> str:
-        return f"{self.time_s:7.2f} s  task {self.task} {TASK_NAMES.get(self.task, '')}: {self.phase}"
+        return f"{self.time_s:7.2f} s  task {self.task} {self.name}: {self.phase}"
 
 
 class PhaseWatch:
     """The observer: notes each new phase without waiting, for another thread to take."""
 
-    def __init__(self) -> None:
-        """Start with nothing noted."""
+    def __init__(self, names: Mapping[int, str]) -> None:
+        """Start with nothing noted; `names` are the tasks'."""
+        self._names = names
         self.moments: deque[Moment] = deque()
         self._start_ns: int | None = None
         self._doing: tuple[object, object] | None = None
@@ -46,7 +48,8 @@ class PhaseWatch:
         now_ns = int(record["now_ns"])
         self._start_ns = now_ns if self._start_ns is None else self._start_ns
         self._doing = doing
-        self.moments.append(Moment((now_ns - self._start_ns) * 1e-9, doing[0], doing[1].decode("ascii")))
+        time_s, name = (now_ns - self._start_ns) * 1e-9, self._names.get(doing[0], "")
+        self.moments.append(Moment(time_s, doing[0], name, doing[1].decode("ascii")))
 
 
 class _View(Protocol):
@@ -76,10 +79,10 @@ class _Lines:
 class _Bar:
     """A bar that fills task by task."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, tasks: int) -> None:
         columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
         self._progress = Progress(*columns, console=console, auto_refresh=False, transient=True)
-        self._bar = self._progress.add_task("starting", total=len(TASK_NAMES))
+        self._bar = self._progress.add_task("starting", total=tasks)
         self._progress.start()
 
     def show(self, moment: Moment) -> None:
@@ -95,10 +98,11 @@ class _Bar:
 class RunProgress:
     """Shows a run on a console while inside; `watch` is the observer to give to the session."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        """Show on a console; standard output if none is given."""
+    def __init__(self, names: Mapping[int, str], console: Console | None = None) -> None:
+        """Show tasks of these names on a console; standard output if none is given."""
         self._console = console or Console()
-        self.watch = PhaseWatch()
+        self._tasks = len(names)
+        self.watch = PhaseWatch(names)
         self._ended = Event()
         self._thread = Thread(target=self._run, name="progress", daemon=True)
 
@@ -111,7 +115,7 @@ class RunProgress:
         self._thread.join()
 
     def _run(self) -> None:
-        view: _View = _Bar(self._console) if self._console.is_terminal else _Lines(self._console)
+        view: _View = _Bar(self._console, self._tasks) if self._console.is_terminal else _Lines(self._console)
         ended = False
         while not ended:
             ended = self._ended.wait(INTERVAL_S)

@@ -23,7 +23,7 @@ def prepare_kernels(scenario: Scenario, seed: int, options: RunOptions) -> bool:
         _rehearse(scenario, seed, options)
         return True
     version = source_digest(PACKAGE_ROOT / "tools" / "session.py", PACKAGE_ROOT)
-    marks = [root / f"rehearsed-{version}-{task}" for task in range(options.until_task, TASKS + 1)]
+    marks = [root / f"rehearsed-{version}-{scenario.shape}-{task}" for task in range(options.until_task, TASKS + 1)]
     rehearsed = any(mark.exists() for mark in marks)
     if not rehearsed:
         with ProcessPoolExecutor(max_workers=1, mp_context=multiprocessing.get_context("spawn")) as pool:

@@ -174,9 +174,11 @@ class Report(Part, frozen=True):
     @property
     def done(self) -> str:
         """What a success has brought about, in words."""
+        from preshape.sim_backend.judged import judged
+
         last = self.referee.until_task
         if last == len(self.tasks):
-            return "the box is open"
+            return judged(self.scenario.shape).achieved
         return "task 1 is done" if last == 1 else f"tasks 1 to {last} are done"
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from preshape.hal.layout import SIDES
 from preshape.hal.tick_record import TickRecord
+from preshape.sim_backend.judged import judged
 from preshape.tools.report import LoopReport, Report
 from preshape.tools.series import Series, distances, loop_times, torque_ratios
 from preshape.tools.svg_plot import Plot, svg
@@ -53,7 +54,7 @@ def report_page(
         f"<h1>{escape(title)}</h1>",
         _outcome(report),
         _section("Tasks", _tasks(report)),
-        _section("Storyboard", _picture(storyboard, "14 moments of the run")),
+        _section("Storyboard", _picture(storyboard, "moments of the run")),
         _section("Referee", _referee(report)),
         _section("Plan", _picture(plan_picture, "the plan") + _plan(report)),
         _section("Torque and distance", _motion_plots(report, records)),
@@ -118,13 +119,16 @@ def _referee(report: Report) -> str:
     referee = report.referee
     error = referee.opening_error
     found = "not reported" if error is None else f"{1e3 * error[0]:.1f} mm, {np.rad2deg(error[1]):.1f} deg"
-    rows: list[list[Cell]] = [
+    opening: list[list[Cell]] = [
         ["torn fraction", referee.torn_fraction, ">= 0.9"],
         ["lid angle at the end, deg", referee.lid_angle_deg, ">= 60"],
         ["tab pushed in, most, deg", referee.max_tab_angle_deg, ">= 30"],
         ["opening found, error", found, "<= 10 mm, 5 deg"],
-        ["slip in the holding hand, mm", referee.hold_slip_mm, "<= 5"],
         ["box moved by the regrasp, mm", referee.regrasp_motion_mm, ""],
+    ]
+    rows: list[list[Cell]] = [
+        *(opening if judged(report.scenario.shape).passed_on else ()),
+        ["slip in the holding hand, mm", referee.hold_slip_mm, "<= 5"],
         [f"torque over limit ({referee.max_torque_joint})", referee.max_torque_ratio, "<= 1.2 beyond 10 ms"],
         ["torque commanded over limit", referee.max_commanded_ratio, "<= 1"],
         ["largest load on a panel, N", max(referee.max_panel_load_n.values(), default=0.0), "below the crush load"],

@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from preshape import __version__
-from preshape.control.box_opening import BoxOpening
 from preshape.control.loop import ControlLoop
 from preshape.control.loop_result import LoopOutcome, LoopResult
 from preshape.control.observer import Observers
+from preshape.control.procedure_control import ProcedureControl
 from preshape.control.timing import Percentiles
-from preshape.sim_backend.referee_report import TASK_NAMES
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import (
     SCHEMA,
     LoopReport,
+    PlanReport,
     Report,
     SimReport,
     TaskReport,
@@ -26,14 +26,13 @@ from preshape.tools.report import (
 from preshape.tools.run_ended import Ended
 from preshape.tools.run_failure import name_failure, wire_failure
 from preshape.tools.run_options import RunOptions
-from preshape.tools.run_plan import RunPlan, plan_report
 
 
 @dataclass(slots=True, eq=False)
 class Course:
     """What the controller's side knows when a run is over; `error` says why there is no result, `where` more."""
 
-    controller: BoxOpening
+    controller: ProcedureControl
     loop: ControlLoop
     start_s: float
     wall_s: float = 0.0
@@ -49,7 +48,7 @@ def run_report(
     options: RunOptions,
     course: Course,
     ended: Ended,
-    plan: RunPlan,
+    plan: PlanReport,
     watching: Observers,
     wire: WireReport | None = None,
 ) -> Report:
@@ -57,7 +56,9 @@ def run_report(
     controller, verdict, result = course.controller, ended.verdict, course.result
     work = controller.work
     failure = name_failure(verdict, result, work.task, controller.failure, course.error)
-    failure = wire_failure(failure, {} if wire is None else wire.broken, work.task)
+    failure = wire_failure(
+        failure, {} if wire is None else wire.broken, work.task, controller.tasks[work.task - 1].name
+    )
     return Report(
         schema=SCHEMA,
         version=__version__,
@@ -70,7 +71,7 @@ def run_report(
         failed_task=None if failure is None else failure.task,
         cause=None if failure is None else failure.cause,
         tasks=_tasks(course, ended),
-        plan=plan_report(plan),
+        plan=plan,
         commands_sha256="" if result is None else result.commands_sha256,
         referee=referee_report(verdict),
         loop=_loop_report(course),
@@ -100,11 +101,11 @@ def _loop_report(course: Course) -> LoopReport:
 
 
 def _tasks(course: Course, ended: Ended) -> list[TaskReport]:
-    truth = {task.task: task.done for task in ended.verdict.tasks}
+    truth = {task.task: task for task in ended.verdict.tasks}
     reports: list[TaskReport] = []
     for log in course.controller.tasks:
         outcome = log.outcome
-        if outcome == "done" and not truth[log.task]:
+        if outcome == "done" and not truth[log.task].done:
             outcome = "not confirmed by the referee"
         elif outcome == "running":
             outcome = "interrupted"
@@ -113,7 +114,7 @@ def _tasks(course: Course, ended: Ended) -> list[TaskReport]:
         reports.append(
             TaskReport(
                 task=log.task,
-                name=TASK_NAMES[log.task],
+                name=truth[log.task].name,
                 outcome=outcome,
                 start_s=start_s,
                 end_s=end_s,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from preshape.sim_backend.judged import judged
 from preshape.sim_backend.scene import build_scene
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.evidence import Evidence
@@ -13,8 +14,8 @@ from preshape.tools.raster import Picture, save_png
 from preshape.tools.report import encode_report
 from preshape.tools.report_html import report_page
 from preshape.tools.run_result import RunResult
-from preshape.tools.storyboard import pick_frames
-from preshape.tools.storyboard_picture import storyboard_picture
+from preshape.tools.storyboard import INNER_FRAMES, LIFT_INNER_FRAMES, pick_frames
+from preshape.tools.storyboard_picture import TASK_NAMES, storyboard_picture
 
 CLOSING_PHASES = {4: "crush"}
 """The picture of task 4 is the crush, not the hand that has left the box again."""
@@ -58,8 +59,11 @@ def _storyboard(result: RunResult) -> Picture | None:
     evidence = result.evidence
     if evidence is None or evidence.storyboard is None:
         return None
-    frames = pick_frames(evidence.storyboard.recorder.snapshots(), CLOSING_PHASES)
+    asked = judged(result.scenario.shape)
+    inner = INNER_FRAMES if asked.passed_on else LIFT_INNER_FRAMES
+    frames = pick_frames(evidence.storyboard.recorder.snapshots(), CLOSING_PHASES, inner)
     if not frames:
         return None
-    title = f"{result.scenario.name}, seed {result.scenario.seed}: {result.failure or 'the box is open'}"
-    return storyboard_picture(build_scene(result.scenario), frames, title=title)
+    title = f"{result.scenario.name}, seed {result.scenario.seed}: {result.failure or asked.achieved}"
+    names = TASK_NAMES if asked.passed_on else asked.names
+    return storyboard_picture(build_scene(result.scenario), frames, title=title, names=names)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from preshape.control.loop_result import LoopOutcome, LoopResult
-from preshape.sim_backend.referee_report import TASK_NAMES, Verdict
+from preshape.sim_backend.referee_report import Verdict
 
 LOOP_CAUSES = {
     LoopOutcome.TIME_UP: "timed out",
@@ -24,11 +24,12 @@ class Failure:
     """
 
     task: int
+    name: str
     cause: str
     also: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        text = f"task {self.task} ({TASK_NAMES[self.task]}): {self.cause}"
+        text = f"task {self.task} ({self.name}): {self.cause}"
         return f"{text}; also {', '.join(self.also)}" if self.also else text
 
 
@@ -42,23 +43,29 @@ def name_failure(
     """
     if verdict.success:
         return None
+    name = _name(verdict, task)
     if error is not None:
-        return Failure(task, error)
+        return Failure(task, name, error)
     if ended is not None and ended.outcome in LOOP_CAUSES:
-        return Failure(task, f"{LOOP_CAUSES[ended.outcome]}: {ended.reason}", _beyond_undone(verdict))
+        return Failure(task, name, f"{LOOP_CAUSES[ended.outcome]}: {ended.reason}", _beyond_undone(verdict))
     if controller_failure is not None:
-        return Failure(task, controller_failure.partition("): ")[2] or controller_failure, _beyond_undone(verdict))
+        cause = controller_failure.partition("): ")[2] or controller_failure
+        return Failure(task, name, cause, _beyond_undone(verdict))
     first = _first_seen(verdict)
     others = (name for name in _beyond_undone(verdict) if name.split(":")[0] != first[1].split(":")[0])
-    return Failure(first[0], first[1], tuple(others))
+    return Failure(first[0], _name(verdict, first[0]), first[1], tuple(others))
 
 
-def wire_failure(failure: Failure | None, broken: Mapping[str, int], task: int) -> Failure | None:
+def _name(verdict: Verdict, task: int) -> str:
+    return next(known.name for known in verdict.tasks if known.task == task)
+
+
+def wire_failure(failure: Failure | None, broken: Mapping[str, int], task: int, name: str) -> Failure | None:
     """Return why a run failed when rules of the wire were broken as well, each so often, at last in this task."""
     if not broken:
         return failure
     cause = f"wire rule broken: {', '.join(f'{rule} {count} times' for rule, count in broken.items())}"
-    return Failure(task, cause) if failure is None else replace(failure, also=(*failure.also, cause))
+    return Failure(task, name, cause) if failure is None else replace(failure, also=(*failure.also, cause))
 
 
 def _beyond_undone(verdict: Verdict) -> tuple[str, ...]:
@@ -88,4 +95,4 @@ def _named(verdict: Verdict) -> list[str]:
 
 def _task_at(verdict: Verdict, time_s: float) -> int:
     done = [task.task for task in verdict.tasks if task.end_s is not None and task.end_s <= time_s]
-    return min(max(done, default=0) + 1, len(TASK_NAMES))
+    return min(max(done, default=0) + 1, len(verdict.tasks))

@@ -50,6 +50,8 @@ def _shape(scenario: Scenario) -> Iterator[str]:
     x, y, _ = scenario.box.size_m
     if scenario.shape == "cylinder" and x != y:
         yield f"box.size_m[1]: got {y:g}, allowed is {x:g}: a cylinder stands along z and is round"
+    if scenario.shape != "box" and any(scenario.box.center_of_mass_m):
+        yield f"box.center_of_mass_m: got {list(scenario.box.center_of_mass_m)}, allowed is [0, 0, 0] for a solid shape"
 
 
 def _faces(scenario: Scenario) -> Iterator[str]:

@@ -15,6 +15,7 @@ from types import FrameType
 from preshape.control.loop import ControlLoop
 from preshape.control.loop_result import LoopResult
 from preshape.control.observer import Observer, Observers
+from preshape.control.work import Work
 from preshape.hal.clock import Clock
 from preshape.hal.gate import SafetyGate
 from preshape.hal.kernel_warm_up import remember_signatures
@@ -30,13 +31,16 @@ from preshape.tools.can_setup import can_setup
 from preshape.tools.controller_setup import ControllerSetup, setup_of
 from preshape.tools.evidence import Evidence
 from preshape.tools.feasibility import impossibility
+from preshape.tools.lift_plan import lift_drawing, lift_report
 from preshape.tools.patient import PatientController
+from preshape.tools.plan_drawing import PlanDrawing
 from preshape.tools.real_time import empty_lateness, real_time
 from preshape.tools.recorder import Recorder
 from preshape.tools.rehearsal import prepare_kernels
+from preshape.tools.report import PlanReport
 from preshape.tools.run_course import Course, exit_code, run_report
 from preshape.tools.run_options import RunOptions
-from preshape.tools.run_plan import plan_drawing, plan_run
+from preshape.tools.run_plan import plan_drawing, plan_report, plan_run
 from preshape.tools.run_result import RunResult
 from preshape.tools.run_world import RunWorld, open_world
 from preshape.tools.standby import await_start
@@ -123,13 +127,12 @@ def run_session(
         if live is not None and live.note:
             course.controller.work.notes.append(live.note)
     remember_signatures()
-    ended = replace(finished, verdict=replace(finished.verdict, until_task=options.until_task))
-    work = course.controller.work
-    plan = plan_run(work.box, work.opening, work.grips)
+    until_task = min(options.until_task, len(finished.verdict.tasks))
+    ended = replace(finished, verdict=replace(finished.verdict, until_task=until_task))
+    plan, drawing = _plan(drawn, course.controller.work, options.pictures and cause is None)
     heard = None if wire is None else wire.report()
     report = run_report(drawn, options, course, ended, plan, watching, heard)
-    if options.pictures and cause is None:
-        evidence.plan = plan_drawing(plan)
+    evidence.plan = drawing
     kept = evidence if evidence.ticks or evidence.storyboard else None
     return RunResult(drawn, report, exit_code(report, course), kept)
 
@@ -149,6 +152,14 @@ def _telemetry(
     cell, box = workcell(drawn), nominal_box(drawn)
     rate_hz = float(options.rate_hz)
     return Telemetry(config, options.device, options.in_real_time, rate_hz, cell.X_world_base, scene_info(cell, box))
+
+
+def _plan(drawn: Scenario, work: Work, draw: bool) -> tuple[PlanReport, PlanDrawing | None]:
+    """Return the plan of a run as it is reported, and drawn if asked."""
+    if drawn.shape != "box":
+        return lift_report(work.plan), lift_drawing(drawn, work.plan) if draw else None
+    plan = plan_run(work.box, work.opening, work.grips)
+    return plan_report(plan), plan_drawing(plan) if draw else None
 
 
 def _prepare(world: RunWorld, setup: ControllerSetup, observer: Observer, listeners: Sequence[Listener]) -> Course:

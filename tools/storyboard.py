@@ -13,7 +13,11 @@ INNER_FRAMES: Mapping[int, int] = {1: 0, 2: 2, 3: 5, 4: 0, 5: 1}
 
 Fig. 6: (1)-(2) task 1, (2)-(5) task 2, (5)-(11) task 3, (11)-(12) task 4, (12)-(14) task 5."""
 
+LIFT_INNER_FRAMES: Mapping[int, int] = {1: 6, 2: 1}
+"""The same for an object that is lifted: all that happens before it is held."""
+
 FRAMES = 1 + sum(inner + 1 for inner in INNER_FRAMES.values())
+"""Frames of a run with all five tasks of the opening."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +106,11 @@ def spread(candidates: Sequence[Snapshot], count: int, anchors: Sequence[Snapsho
     return sorted(chosen, key=lambda snapshot: snapshot.time_s)
 
 
-def pick_frames(snapshots: Sequence[Snapshot], closing_phase: Mapping[int, str] | None = None) -> list[Snapshot]:
+def pick_frames(
+    snapshots: Sequence[Snapshot],
+    closing_phase: Mapping[int, str] | None = None,
+    inner_frames: Mapping[int, int] = INNER_FRAMES,
+) -> list[Snapshot]:
     """Return the frames of the storyboard in the order of time: 14 of a run with all five tasks, else fewer.
 
     `closing_phase` names, for a task, the phase whose end stands for the task's end (task 4 ends with the
@@ -110,7 +118,7 @@ def pick_frames(snapshots: Sequence[Snapshot], closing_phase: Mapping[int, str] 
     """
     attempts = last_attempts(snapshots)
     frames: list[Snapshot] = []
-    for task, inner in INNER_FRAMES.items():
+    for task, inner in inner_frames.items():
         stretch = attempts.get(task)
         if not stretch:
             continue
@@ -121,6 +129,7 @@ def pick_frames(snapshots: Sequence[Snapshot], closing_phase: Mapping[int, str] 
         end = ends[-1] if ends else stretch[-1]
         between = [s for s in stretch[1:] if s.time_s < end.time_s]
         frames += [*spread(between, inner, (stretch[0], end)), end]
-    if frames and snapshots[-1].time_s > frames[-1].time_s and len(frames) < FRAMES:
+    most = 1 + sum(inner + 1 for inner in inner_frames.values())
+    if frames and snapshots[-1].time_s > frames[-1].time_s and len(frames) < most:
         frames.append(snapshots[-1])
     return sorted(frames, key=lambda snapshot: snapshot.time_s)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from preshape.sim_backend.judged import judged
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.run_options import RunOptions
 
@@ -53,7 +54,7 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What a sweep keeps of one run.
 
     `faults` is what went wrong on its bus, as it was asked for; `wire` is None where there was no bus.
-    `tasks_done`: for each of the five tasks whether the referee confirms it. `failed_task` is None for a
+    `tasks_done`: for each task of `task_names` whether the referee confirms it. `failed_task` is None for a
     success and for a failure outside of any task (an exception, a crashed process); the words of `cause`
     before its first colon are its class. `simulated_s` and `wall_s` are 0, and `figures` None, where the run did
     not report.
@@ -65,8 +66,9 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     failure: str | None
     failed_task: int | None
     cause: str | None
-    tasks_done: tuple[bool, ...] = (False,) * 5
-    attempts: tuple[int, ...] = (0,) * 5
+    task_names: tuple[str, ...]
+    tasks_done: tuple[bool, ...]
+    attempts: tuple[int, ...]
     simulated_s: float = 0.0
     wall_s: float = 0.0
     overruns: int = 0
@@ -121,6 +123,7 @@ def run_case(case: RunCase) -> RunOutcome:
         failure=report.failure,
         failed_task=report.failed_task,
         cause=report.cause,
+        task_names=tuple(task.name for task in report.tasks),
         tasks_done=tuple(task.outcome == "done" for task in report.tasks),
         attempts=tuple(task.attempts for task in report.tasks),
         simulated_s=report.sim.seconds,
@@ -137,6 +140,7 @@ def _wire_figures(wire: WireReport) -> WireFigures:
 
 def failed(case: RunCase, cause: str) -> RunOutcome:
     """Return the outcome of a run that could not report."""
+    names = tuple(judged(case.scenario.shape).names.values())
     return RunOutcome(
         scenario=case.scenario.name,
         faults=case.options.faults,
@@ -145,6 +149,9 @@ def failed(case: RunCase, cause: str) -> RunOutcome:
         failure=cause,
         failed_task=None,
         cause=cause,
+        task_names=names,
+        tasks_done=(False,) * len(names),
+        attempts=(0,) * len(names),
     )
 
 

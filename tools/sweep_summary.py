@@ -50,12 +50,13 @@ class Spread(msgspec.Struct, frozen=True):
 class Summary(msgspec.Struct, frozen=True):
     """One scenario of a sweep.
 
-    `tasks` (5): the share of all runs in which the referee confirms each task. `figures`: how near the runs, failed
-    ones among them, came to what the referee allows.
+    `tasks`: for each task of `task_names` the share of all runs in which the referee confirms it. `figures`: how near
+    the runs, failed ones among them, came to what the referee allows.
     """
 
     scenario: str
     success: Share
+    task_names: tuple[str, ...]
     tasks: tuple[Share, ...]
     causes: tuple[Cause, ...]
     figures: tuple[Spread, ...]
@@ -73,6 +74,7 @@ def _scenario(name: str, outcomes: Sequence[RunOutcome]) -> Summary:
     return Summary(
         name,
         Share.count_of([outcome.success for outcome in outcomes]),
+        outcomes[0].task_names,
         tuple(Share.count_of(list(done)) for done in zip(*(outcome.tasks_done for outcome in outcomes), strict=True)),
         causes_of(outcomes),
         figures_of(outcomes),

@@ -11,7 +11,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from preshape.sim_backend.referee_report import TASK_NAMES
 from preshape.tools.sweep_run import RunOutcome
 from preshape.tools.sweep_summary import Summary
 
@@ -72,7 +71,7 @@ def print_sweep(summaries: Sequence[Summary], outcomes: Sequence[RunOutcome], un
     """Print success, tasks asked for and causes per scenario, then every failure by its seed."""
     console = results_console()
     for summary in summaries:
-        until = "" if until_task == len(TASK_NAMES) else f" (until task {until_task})"
+        until = "" if until_task >= len(summary.task_names) else f" (until task {until_task})"
         console.print(f"\n[bold]{summary.scenario}[/bold]: success {summary.success}{until}", highlight=False)
         console.print(_tasks(summary, until_task))
         if summary.causes:
@@ -92,8 +91,9 @@ def _tasks(summary: Summary, until_task: int) -> Table:
     table = Table(title="tasks confirmed by the referee (95 % interval)", title_justify="left")
     for column in ("task", "name", "done"):
         table.add_column(column)
-    for number, share in enumerate(summary.tasks[:until_task], start=1):
-        table.add_row(str(number), TASK_NAMES[number], str(share))
+    names = summary.task_names[:until_task]
+    for number, (name, share) in enumerate(zip(names, summary.tasks, strict=False), start=1):
+        table.add_row(str(number), name, str(share))
     return table
 
 
@@ -102,7 +102,7 @@ def _causes(summary: Summary) -> Table:
     for column in ("task", "cause", "runs", "seeds"):
         table.add_column(column)
     for cause in summary.causes:
-        task = "-" if cause.task is None else f"{cause.task} {TASK_NAMES[cause.task]}"
+        task = "-" if cause.task is None else f"{cause.task} {summary.task_names[cause.task - 1]}"
         table.add_row(task, cause.cause, str(len(cause.seeds)), " ".join(map(str, cause.seeds)))
     return table
 
