@@ -106,9 +106,14 @@ def run_with_priority(physics: PacedPhysics, joints: Joints) -> None:
 
 
 def take_priority() -> None:
-    """Run before the machine's other work, if it lets us, and without collecting what lives as long as the process."""
+    """Run before the machine's other work, if it lets us, and without collecting what lives as long as the process.
+
+    On a machine of one core a scene that is always late would let nobody else run, so there it takes its turn.
+    """
     gc.collect()
     gc.freeze()
+    if len(os.sched_getaffinity(0)) == 1:
+        return
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
 

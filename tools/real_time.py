@@ -18,7 +18,12 @@ SWITCH_S = 1e-4
 
 
 def take_priority(priority: int, thread: int = 0) -> None:
-    """Schedule a thread (by its native id; 0: the calling one) first in, first out, if the machine lets us."""
+    """Schedule a thread (by its native id; 0: the calling one) first in, first out, if the machine lets us.
+
+    Not on a machine of one core, where it would keep the physics and the modules from running.
+    """
+    if len(os.sched_getaffinity(0)) == 1:
+        return
     with suppress(PermissionError, ProcessLookupError):
         os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
 

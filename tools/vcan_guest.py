@@ -65,8 +65,12 @@ def init_script(
         lines += [f"ip link add {name} type vcan", f"ip link set {name} mtu {FD_MTU} up"]
     lines += [
         f"cd {shlex.quote(str(cwd))}",
-        f"env -i {shlex.join(variables)} {shlex.join(command)}",
+        # Through a pipe, for it is no terminal; a process that is left behind may keep the pipe open.
+        "mkfifo /dev/shm/printed",
+        "cat /dev/shm/printed & copier=$!",
+        f"env -i {shlex.join(variables)} {shlex.join(command)} >/dev/shm/printed 2>&1",
         f"echo $? > {shlex.quote(str(status))}",
+        "for wait in 1 2 3 4 5; do kill -0 $copier 2>/dev/null && sleep 0.1; done",
         "echo o > /proc/sysrq-trigger",
         "sleep 60",
         "",
