@@ -33,12 +33,25 @@ class Mode(IntEnum):
 
 
 def read_only(values: ArrayLike, name: str, dtype: type = np.float64) -> NDArray:
-    """Return a read-only copy of shape (40,); `ValueError` names the field and the shape it got."""
+    """Return a read-only copy of shape (40,), or the values themselves if nobody can write to them any more.
+
+    `ValueError` names the field and the shape it got.
+    """
+    if isinstance(values, np.ndarray) and _is_final(values) and values.dtype == dtype and values.shape == (LAYOUT.dof,):
+        return values
     array = np.array(values, dtype=dtype)
     if array.shape != (LAYOUT.dof,):
         raise ValueError(f"{name}: got shape {array.shape}, allowed is ({LAYOUT.dof},)")
     array.setflags(write=False)
     return array
+
+
+def _is_final(array: NDArray) -> bool:
+    """Tell whether an array, and the one that it looks into, are read-only."""
+    owner = array.base
+    return not array.flags.writeable and (
+        owner is None or (type(owner) is np.ndarray and owner.base is None and not owner.flags.writeable)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

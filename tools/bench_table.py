@@ -74,6 +74,12 @@ BENCHES: dict[str, Bench] = {
             for figure, bar in (("median", 50.0), ("p99", 250.0))
         },
     ),
+    "bus": Bench(
+        "preshape.tools.bench_bus",
+        "bench_bus",
+        "one cycle of both hands over virtual CAN FD, encode to decode, beside bare python-can",
+        {"cycle_us": Bar("<=", 200.0)},
+    ),
     "areas": Bench(
         "preshape.tools.area_figures",
         "area_figures",

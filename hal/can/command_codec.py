@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from preshape.hal.can.checksum import Bytes, checksum32
+from preshape.hal.can.command_counts import CommandCounts
 from preshape.hal.can.frame_length import padded_length
 from preshape.hal.can.identifiers import command_id
 from preshape.hal.can.topology import Group
@@ -20,9 +22,6 @@ SEQUENCES = 1 << 16
 """Sequence numbers wrap here."""
 
 _CRC = struct.Struct("<I")
-_ROUNDING = 1e-6
-"""A limit within this part of a count below a whole one is that whole one, not one less."""
-_UNSIGNED_MOST = (1 << 16) - 1
 _MODES = frozenset(int(mode) for mode in WireMode)
 
 
@@ -45,7 +44,7 @@ class CommandCodec:
     """Packs and unpacks the command broadcasts of one group; `length` is that of its payload, bytes.
 
     Little-endian: session u32 | sequence u16 | enable u13, mode u3 | targets | torque limits u16 | 0 .. | CRC-32.
-    A target is rounded to the nearest count, a torque limit down: no more torque than asked for.
+    A target is rounded to the nearest count, a torque limit down (see `CommandCounts`).
     """
 
     def __init__(self, group: Group) -> None:
@@ -59,12 +58,7 @@ class CommandCodec:
         self.length = padded_length(self._body.size + _CRC.size)
         self.everything = (1 << count) - 1
         self._count = count
-        self._scale = np.concatenate([np.full(count, scale.position), np.full(count, scale.torque)])
-        self._per_unit = 1.0 / self._scale
-        self._least = np.concatenate([np.full(count, -(2.0 ** (scale.position_bits - 1))), np.zeros(count)])
-        most_target = 2.0 ** (scale.position_bits - 1) - 1
-        self._most = np.concatenate([np.full(count, most_target), np.full(count, float(_UNSIGNED_MOST))])
-        self._counts = np.empty(2 * count)
+        self._counts = CommandCounts([(range(count), scale)], count)
 
     def new_payload(self) -> bytearray:
         """Return a zeroed payload to encode into."""
@@ -82,19 +76,15 @@ class CommandCodec:
     ) -> None:
         """Write a command into a payload of `length` bytes.
 
-        Targets (rad, or N m in torque mode) and limits (N m) are (n,) in the group's order and finite; what no
-        count can say is written as the nearest that can.
+        Targets (rad, or N m in torque mode) and limits (N m) are (n,) in the group's order and finite.
         """
-        counts, n = self._counts, self._count
-        np.multiply(target, self._per_unit[:n], out=counts[:n])
-        np.rint(counts[:n], out=counts[:n])
-        np.multiply(torque_limit, self._per_unit[n:], out=counts[n:])
-        np.add(counts[n:], _ROUNDING, out=counts[n:])
-        np.floor(counts[n:], out=counts[n:])
-        np.maximum(counts, self._least, out=counts)
-        np.minimum(counts, self._most, out=counts)
-        integers = counts.astype(np.int64).tolist()
-        self._body.pack_into(payload, 0, session, sequence, enable | mode << MODE_SHIFT, *integers)
+        self.pack(payload, session, sequence, mode, enable, self._counts.of(target, torque_limit))
+
+    def pack(
+        self, payload: bytearray, session: int, sequence: int, mode: WireMode, enable: int, counts: Sequence[int]
+    ) -> None:
+        """Write a command whose targets and limits are counts already, as `CommandCounts` gives them."""
+        self._body.pack_into(payload, 0, session, sequence, enable | mode << MODE_SHIFT, *counts)
         end = self.length - _CRC.size
         _CRC.pack_into(payload, end, checksum32(self.frame_id, memoryview(payload)[:end]))
 
@@ -109,6 +99,6 @@ class CommandCodec:
         mode = word >> MODE_SHIFT
         if mode not in _MODES:
             return None
-        values = np.array(integers) * self._scale
+        values = np.array(integers) * self._counts.scale
         enable = word & self.everything
         return GroupCommand(session, sequence, WireMode(mode), enable, values[: self._count], values[self._count :])

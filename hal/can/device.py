@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
 from preshape.hal.can.arming import Arming
 from preshape.hal.can.bus_health import BusCondition
 from preshape.hal.can.command_codec import SEQUENCES, CommandCodec
+from preshape.hal.can.command_counts import CommandCounts
 from preshape.hal.can.device_config import CanDeviceConfig
 from preshape.hal.can.identifiers import QUICK_STOP_ID, request_id
-from preshape.hal.can.inbox import Inbox, place
+from preshape.hal.can.inbox import Inbox
 from preshape.hal.can.parameter_codec import encode_request
 from preshape.hal.can.quick_stop_codec import HOST, QuickStop, StopReason, encode_quick_stop
-from preshape.hal.can.topology import BusSpec, Group, Topology
+from preshape.hal.can.topology import BusSpec, Topology
 from preshape.hal.can.vocabulary import ModuleState, WireMode
 from preshape.hal.can.wire import SendStatus, Wire
 from preshape.hal.layout import LAYOUT
@@ -40,11 +41,11 @@ def draw_word() -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Output:
-    """One group's broadcasts: where they are encoded, where its joints stand in the layout, and its bus."""
+    """One group's broadcasts: where they are encoded, which of all groups' counts are its own, and its bus."""
 
     codec: CommandCodec
     payload: bytearray
-    joints: slice | NDArray[np.int64]
+    own: slice
     wire: Wire
 
 
@@ -82,8 +83,9 @@ class CanDevice:
         self._sent_ns: int | None = None
         self._untaken = 0
         self._tag = 0
+        groups = [(group.indices, group.scale) for group in topology.groups]
+        self._counts = CommandCounts(groups, LAYOUT.dof, LAYOUT.torque)
         self._nothing = np.zeros(LAYOUT.dof)
-        self._limit = np.empty(LAYOUT.dof)
 
     @property
     def wires(self) -> Mapping[str, Wire]:
@@ -127,7 +129,7 @@ class CanDevice:
             raise
         self._inbox, self._wires = inbox, opened
         self._wire_of = {module.node: opened[spec.name] for spec in self._topology.buses for module in spec.modules}
-        self._outputs = [_output(group, opened[spec.name]) for spec in self._topology.buses for group in spec.groups]
+        self._outputs = list(_outputs(self._topology, opened))
         self._status, self._fault = DeviceStatus.DISARMED, ""
         self._sequence, self._sent_ns, self._untaken = -1, None, 0
 
@@ -142,9 +144,9 @@ class CanDevice:
             if self._poll_due(now_ns):
                 self._repeat_stop()
                 self._broadcast(now_ns, WireMode.POLL, self._nothing, self._nothing, _NO_COMMAND)
-        position, velocity, torque = inbox.values
+        position, velocity, torque = inbox.samples.values()
         sequence = min(watch.taken for watch in inbox.watches.values())
-        return RobotState(sequence, position, velocity, torque, inbox.stamp_ns, self._status, self._fault)
+        return RobotState(sequence, position, velocity, torque, inbox.samples.stamps(), self._status, self._fault)
 
     def arm(self, now_ns: int) -> None:
         """Begin to arm; ARMED follows in a later `read`, when every module has confirmed.
@@ -172,8 +174,7 @@ class CanDevice:
             return False
         self._sequence = command.sequence
         target = command.torque if command.mode is Mode.TORQUE else command.position
-        np.clip(command.torque_limit, 0.0, LAYOUT.torque, out=self._limit)
-        taken = self._broadcast(now_ns, WireMode(command.mode), target, self._limit, command.sequence)
+        taken = self._broadcast(now_ns, WireMode(command.mode), target, command.torque_limit, command.sequence)
         self._untaken = 0 if taken else self._untaken + 1
         return taken
 
@@ -302,18 +303,24 @@ class CanDevice:
         """Send one broadcast to every group; return whether every bus has taken it."""
         sequence = self._inbox.log.add(now_ns, command)
         self._sent_ns = now_ns
+        counts = self._counts.of(target, limit)
         taken = True
         for output in self._outputs:
-            codec, joints = output.codec, output.joints
+            codec, payload = output.codec, output.payload
             session, enable = (0, 0) if mode is WireMode.POLL else (self._session, codec.everything)
-            codec.encode(output.payload, session, sequence, mode, enable, target[joints], limit[joints])
-            taken &= output.wire.send(codec.frame_id, output.payload) is SendStatus.SENT
+            codec.pack(payload, session, sequence, mode, enable, counts[output.own])
+            taken &= output.wire.send(codec.frame_id, payload) is SendStatus.SENT
         return taken
 
 
-def _output(group: Group, wire: Wire) -> _Output:
-    codec = CommandCodec(group)
-    return _Output(codec, codec.new_payload(), place(group.indices), wire)
+def _outputs(topology: Topology, wires: Mapping[str, Wire]) -> Iterator[_Output]:
+    """Yield the broadcasts of all groups, in the topology's order."""
+    first = 0
+    for spec in topology.buses:
+        for group in spec.groups:
+            codec, count = CommandCodec(group), 2 * len(group.joints)
+            yield _Output(codec, codec.new_payload(), slice(first, first + count), wires[spec.name])
+            first += count
 
 
 def _other(draw: Callable[[], int], session: int) -> int:
@@ -323,5 +330,6 @@ def _other(draw: Callable[[], int], session: int) -> int:
 
 
 def _finite(command: RobotCommand) -> bool:
-    values = command.position, command.torque_limit, command.torque
-    return all(bool(np.isfinite(value).all()) for value in values)
+    """Tell whether every value is a number: then, and only then, the sum of their squares is one."""
+    position, limit, torque = command.position, command.torque_limit, command.torque
+    return math.isfinite(position @ position + limit @ limit + torque @ torque)

@@ -17,21 +17,20 @@ from preshape.hal.can.identifiers import QUICK_STOP_ID, emergency_id, heartbeat_
 from preshape.hal.can.node_watch import Answered, NodeWatch
 from preshape.hal.can.parameter_codec import PARAMETER_LENGTH, decode_reply
 from preshape.hal.can.quick_stop_codec import HOST, QUICK_STOP_LENGTH, decode_quick_stop
+from preshape.hal.can.sample_table import SampleTable
 from preshape.hal.can.state_codec import StateCodec, status_fields
-from preshape.hal.can.topology import BusSpec, Module, Topology
+from preshape.hal.can.topology import BusSpec, Topology
 from preshape.hal.can.vocabulary import Parameter, WireMode
 from preshape.hal.can.wire import Handler
-from preshape.hal.layout import LAYOUT
 
-NEVER_NS = -(1 << 60)
-"""Stamp of a joint that has not been heard of: older than anything."""
+STATUS = tuple(status_fields(byte) for byte in range(256))
+"""What each status byte says."""
 
 
 class Inbox:
     """Takes every frame that the driver listens to; nothing here sends.
 
-    `values` (3, 40): newest position (rad), velocity (rad/s) and torque (N m), NaN before the first; `stamp_ns` (40,)
-    is when the broadcasts that they answer were sent. `watches` are the modules by node. The driver keeps `session`
+    `samples` are the newest measurements. `watches` are the modules by node. The driver keeps `session`
     (0 while not armed), `stops` (its quick stops' count) and `arming` up to date; `alarm` is what others on the bus
     did that ends driving, else empty.
     """
@@ -39,8 +38,8 @@ class Inbox:
     def __init__(self, topology: Topology, first_sequence: int = 0, stops: int = 0) -> None:
         self.watches = {module.node: NodeWatch(module) for module in topology.modules}
         self.log = BroadcastLog(first_sequence)
-        self.values = np.full((3, LAYOUT.dof), np.nan)
-        self.stamp_ns = np.full(LAYOUT.dof, NEVER_NS, dtype=np.int64)
+        self.samples = SampleTable(topology)
+        self._rows = {module.node: row for row, module in enumerate(topology.modules)}
         self.counts: Counter[str] = Counter()
         """Frames that said nothing: `damaged`, `stale`, `unasked` and `repeated` states, `garbled` others."""
         self.session = 0
@@ -59,7 +58,7 @@ class Inbox:
             for module in group.modules:
                 watch, node = self.watches[module.node], module.node
                 state = StateCodec(module, group)
-                handlers[state.frame_id] = self._state_handler(state, watch, module)
+                handlers[state.frame_id] = self._state_handler(state, watch)
                 handlers[heartbeat_id(node)] = partial(self._take_heartbeat, watch)
                 handlers[emergency_id(node)] = partial(self._take_emergency, watch)
                 handlers[reply_id(node)] = partial(self._take_reply, watch)
@@ -67,20 +66,17 @@ class Inbox:
                 lengths |= {emergency_id(node): EMERGENCY_LENGTH, reply_id(node): PARAMETER_LENGTH}
         return handlers, lengths
 
-    def _state_handler(self, codec: StateCodec, watch: NodeWatch, module: Module) -> Handler:
+    def _state_handler(self, codec: StateCodec, watch: NodeWatch) -> Handler:
         """Return what takes one module's states: the loop's busiest path."""
-        count, counts, scale = len(module.joints), self.counts, codec.scale
-        values, stamp_ns = self.values, self.stamp_ns
-        joints = place(module.indices)
-        scales = scale[::count].tolist()
+        counts, samples, log = self.counts, self.samples, self.log
+        row = self._rows[watch.module.node]
 
         def take(payload: bytes | bytearray) -> None:
             fields = codec.unpack(payload)
-            status = None if fields is None else status_fields(fields[1])
+            status = None if fields is None else STATUS[fields[1]]
             if fields is None or status is None:
                 counts["damaged"] += 1
                 return
-            log = self.log
             number = log.find(fields[0])
             if not number:
                 counts["unasked"] += 1
@@ -92,10 +88,7 @@ class Inbox:
             watch.state, watch.error, taken = status
             if taken:
                 watch.taken = max(watch.taken, log.command(number))
-            for row, at in enumerate(range(3, 3 + 3 * count, count)):
-                values[row, joints] = fields[at : at + count]
-                values[row, joints] *= scales[row]
-            stamp_ns[joints] = log.sent_ns(number)
+            samples.put(row, fields[3:], log.sent_ns(number))
 
         return take
 

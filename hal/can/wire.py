@@ -64,10 +64,10 @@ class Wire:
 
     def drain(self) -> None:
         """Tell the handlers of everything that has come; what cannot be read is counted."""
-        handlers, counts = self._handlers, self.counts
+        handlers, counts, receive = self._handlers, self.counts, self._bus.recv
         for _ in range(MOST_FRAMES):
             try:
-                message = self._bus.recv(0.0)
+                message = receive(0.0)
             except (can.CanError, OSError) as error:
                 counts["unreadable"] += 1
                 if _errno(error) in (errno.ENETDOWN, errno.ENODEV, errno.EBADF):
