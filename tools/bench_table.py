@@ -47,7 +47,20 @@ BENCHES: dict[str, Bench] = {
         "preshape.tools.bench_tick",
         "bench_tick",
         "one control tick of both arms and hands, stage by stage",
-        {"tick_us": Bar("<=", 900.0), "scipy_lp_over_l1": Bar(">=", 1000.0)},
+        {"tick_us": Bar("<=", 900.0), "telemetry_us": Bar("<=", 15.0), "scipy_lp_over_l1": Bar(">=", 1000.0)},
+    ),
+    "telemetry": Bench(
+        "preshape.tools.bench_telemetry",
+        "bench_telemetry",
+        "what telemetry costs a tick with 0, 1 and 10 subscribers (one stopped, one slow), and what they get",
+        {
+            **{f"tick_{count}_subscribers_us": Bar("<=", 15.0) for count in (0, 1, 10)},
+            "compute_p50_ratio": Bar("<=", 1.10),
+            "compute_p99_ratio": Bar("<=", 1.20),
+            "live_subscribers": Bar(">=", 8.0),
+            "events_missing": Bar("<=", 0.0),
+            "states_lost_share": Bar("<=", 0.001),
+        },
     ),
     "distances": Bench(
         "preshape.tools.bench_distances",

@@ -7,6 +7,7 @@ The physics between the ticks is not counted.
 
 from __future__ import annotations
 
+import multiprocessing
 import time
 
 import numpy as np
@@ -23,6 +24,7 @@ from preshape.control.procedure_control import ProcedureControl
 from preshape.control.smoothing import Smoother
 from preshape.hal.gate import SafetyGate
 from preshape.hal.tick_record import TickRecord, text_of
+from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.sim_backend.device import MujocoDevice
 from preshape.sim_backend.lockstep import open_lockstep
 from preshape.sim_backend.scenario import Scenario
@@ -32,7 +34,19 @@ from preshape.tools.bench_distances import bench_distances
 from preshape.tools.stage_times import StageTimes, watching
 from preshape.tools.tick_buffer import TickBuffer
 
-STAGES = ("read", "kinematics", "field", "ik", "smoothing", "estimate", "rest of step", "gate", "write", "notify")
+STAGES = (
+    "read",
+    "kinematics",
+    "field",
+    "ik",
+    "smoothing",
+    "estimate",
+    "rest of step",
+    "gate",
+    "write",
+    "notify",
+    "telemetry",
+)
 """In the order of a tick; `rest of step` is the controller's own code around the named stages.
 
 `loop` in the report is what remains of a tick: the record, the hash over the commands, the modes.
@@ -51,6 +65,7 @@ METHODS = {
     (SafetyGate, "check"): "gate",
     (MujocoDevice, "write"): "write",
     (TickBuffer, "notify"): "notify",
+    (RingWriter, "notify"): "telemetry",
 }
 _PHASES = (Phase.APPROACH.value, Phase.PRESHAPE.value, Phase.NEAR.value)
 _LONGEST_S = 30.0
@@ -63,6 +78,7 @@ class _TickEnd:
         """Count so many ticks, then stop `loop`."""
         self._times, self._left = times, ticks
         self._buffer = TickBuffer()
+        self._ring = RingWriter(ring_memory(multiprocessing.get_context("spawn")))
         self.compute_us: list[float] = []
         self.loop: ControlLoop | None = None
 
@@ -70,6 +86,7 @@ class _TickEnd:
         """Take note of one tick."""
         start = time.perf_counter_ns()
         self._buffer.notify(record)
+        self._ring.notify(record)
         notify_ns = time.perf_counter_ns() - start
         keep = self._left > 0 and text_of(record, "phase") in _PHASES
         self._times.end_tick(keep)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from preshape.control.loop import ControlLoop
-from preshape.control.observer import Observers
+from preshape.control.observer import Observer, Observers
 from preshape.hal.answers import AnyAnswer, PoseAnswer
 from preshape.hal.byte_ring import CAPACITY, PIECE, ByteWriter
 from preshape.hal.description import robot_urdf
@@ -74,11 +74,15 @@ class Telemetry:
             self.close()
             raise DeviceUnreachable(f"telemetry: {problem}")
 
+    def observers(self, request_stop: Callable[[str], None], device: Device | None) -> list[Observer]:
+        """Return what is to be told of every tick: it writes to the ring, looks at a device's parts, obeys orders."""
+        parts = [] if device is None else [PartsObserver(self._parts, device, self._rate_hz)]
+        return [self._writer, *parts, OrdersWatch(self.orders, request_stop)]
+
     def watch(self, loop: ControlLoop, observers: Observers, device: Device) -> None:
         """Write every tick of a loop into the ring, tell of its device, and hand a stop that is asked for on to it."""
-        observers.add(self._writer)
-        observers.add(PartsObserver(self._parts, device, self._rate_hz))
-        observers.add(OrdersWatch(self.orders, loop.request_stop))
+        for observer in self.observers(loop.request_stop, device):
+            observers.add(observer)
 
     def hear(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> None:
         """Hand over what the controller has been told of its surroundings; never waits."""
