@@ -14,6 +14,7 @@ COMMANDS: dict[str, str] = {
     "plan": "plan a task: priorities, areas, preshaping boxes, preshapes; nothing moves",
     "run": "carry out the procedure and write a report",
     "dash": "watch a running robot, or a recording, in the rerun viewer",
+    "record": "write down what a running robot publishes over Zenoh",
     "replay": "feed a recording through the controller again and compare its commands bit for bit",
     "sweep": "run scenarios over many seeds in parallel and count",
     "hand-bus": "simulate the joint modules on CAN buses, for a run or a driver elsewhere",

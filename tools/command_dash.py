@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,9 +27,10 @@ class Options:
         robot: the robot's id.
         endpoint: where it publishes, as Zenoh writes it.
         zenoh_config: a Zenoh configuration file in the endpoint's stead.
-        web: serve a browser on this machine instead of opening a window.
+        web: serve a browser on this machine instead of opening a window; so it is where there is no display.
         port: port of this machine that streams connect to; 0 chooses one.
         web_port: port of this machine that the browser opens; 0 chooses one.
+        within_s: how long to wait for the robot, s.
         seconds: end after so long; 0 does not.
     """
 
@@ -39,6 +41,7 @@ class Options:
     web: bool = False
     port: int = 0
     web_port: int = 0
+    within_s: float = 10.0
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
@@ -46,12 +49,15 @@ class Options:
         for flag, port in (("--port", self.port), ("--web-port", self.web_port)):
             if not 0 <= port <= LARGEST_PORT:
                 raise ConfigurationError(f"{flag}: got {port}, allowed is 0 .. {LARGEST_PORT}")
-        if not self.seconds >= 0.0:
-            raise ConfigurationError(f"--seconds: got {self.seconds:g}, allowed is >= 0")
+        for flag, value in (("--within-s", self.within_s), ("--seconds", self.seconds)):
+            if not value >= 0.0:
+                raise ConfigurationError(f"{flag}: got {value:g}, allowed is >= 0")
 
 
 def execute(options: Options) -> int:
     """Show until the user has seen enough; return the exit code."""
+    # Ended from outside, it takes its viewer with it.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if options.recording is None:
             _show_live(options)
@@ -76,7 +82,7 @@ def _show_recording(options: Options, path: Path) -> None:
             from preshape.tools.dash_recording import show_recording
 
             show_recording(file, viewer.url)
-        print(f"showing {file}{' at ' + viewer.page if options.web else ''}", flush=True)
+        print(f"showing {file}{viewer.where}", flush=True)
         end_s = _deadline(options)
         while viewer.running and time.monotonic() < end_s:
             time.sleep(0.1)
@@ -99,15 +105,12 @@ def _show_live(options: Options) -> None:
     from preshape.tools.rerun_layout import blueprint
     from preshape.tools.rerun_stream import RerunStream
     from preshape.tools.rerun_viewer import RerunViewer
-    from preshape.tools.telemetry_listener import TelemetryListener
-    from preshape.tools.zenoh_session import client_settings, open_session
+    from preshape.tools.robot_reach import listening
 
-    with open_session(client_settings(options.endpoint), options.zenoh_config) as session:
-        listener = TelemetryListener(session, Keys(options.robot))
-        with RerunViewer(options.web, (), options.port, options.web_port) as viewer:
-            stream = RerunStream.to_viewer(viewer.url, blueprint(live=True))
-            where = viewer.page if options.web else "its window"
-            print(f"showing {options.robot} at {options.endpoint} in {where}", flush=True)
-            end_s = _deadline(options)
-            dash = LiveDash(listener, stream)
-            watch(dash, lambda: viewer.running and time.monotonic() < end_s, time.sleep)
+    robot = Keys(options.robot), options.endpoint, options.zenoh_config, options.within_s
+    with listening(*robot) as listener, RerunViewer(options.web, (), options.port, options.web_port) as viewer:
+        stream = RerunStream.to_viewer(viewer.url, blueprint(live=True))
+        print(f"showing {options.robot} at {options.endpoint}{viewer.where}", flush=True)
+        end_s = _deadline(options)
+        dash = LiveDash(listener, stream)
+        watch(dash, lambda: viewer.running and time.monotonic() < end_s, time.sleep)

@@ -22,7 +22,7 @@ class Options:
     Attributes:
         recording: a run's recording.mcap, or its folder.
         overrides: a field of the controller's set-up to be changed, e.g. field.ties=hard; may be given several times.
-        dashboard: show the replay while it goes on.
+        dashboard: show the replay while it goes on, and then until the viewer is closed, or Ctrl-C.
     """
 
     recording: Annotated[Path, tyro.conf.Positional]
@@ -36,13 +36,14 @@ def execute(options: Options) -> int:
     """Replay and compare; return the exit code."""
     from preshape.hal.recording import read_recording
     from preshape.tools.replay import replay
+    from preshape.tools.replay_dash import replayed_and_shown
     from preshape.tools.replay_setup import recorded_setup
 
     path = options.recording / "recording.mcap" if options.recording.is_dir() else options.recording
     recording = read_recording(path)
     setup = recorded_setup(recording, options.overrides)
     print(heading(recording, setup), flush=True)
-    result = replay(recording, setup)
+    result = replayed_and_shown(recording, setup) if options.dashboard else replay(recording, setup)
     seconds = f"{result.wall_s:.1f} s"
     if result.equal:
         print(f"equal: {result.commands} commands in {result.ticks} ticks, bit for bit ({seconds})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,6 +27,7 @@ class Options(RunOptions):
         overrides: a scenario field to be set; may be given several times.
         telemetry: publish the run over Zenoh, for this machine only, and take stops from there.
         telemetry_config: the same, as a TOML file says: robot id, rates, services, Zenoh configuration.
+        dashboard: watch the run in the rerun viewer (see `preshape dash`), which closes with it; with telemetry.
     """
 
     scenario: str = "tea_box"
@@ -36,6 +38,7 @@ class Options(RunOptions):
     ] = ()
     telemetry: bool = False
     telemetry_config: Path | None = None
+    dashboard: bool = False
 
     def __post_init__(self) -> None:
         RunOptions.__post_init__(self)
@@ -47,6 +50,7 @@ def execute(options: Options) -> int:
     """Run and report; return the exit code."""
     from preshape.sim_backend.judged import judged
     from preshape.tools.configuration import load_scenario
+    from preshape.tools.dash_child import DashChild
     from preshape.tools.progress import RunProgress
     from preshape.tools.recorder import Recorder
     from preshape.tools.run_directory import choose_directory, write_run
@@ -55,11 +59,13 @@ def execute(options: Options) -> int:
 
     scenario = load_scenario(options.scenario, options.overrides)
     seed = scenario.seed if options.seed is None else options.seed
-    wanted = options.telemetry or options.telemetry_config is not None
+    wanted = options.telemetry or options.telemetry_config is not None or options.dashboard
     telemetry = load_telemetry(options.telemetry_config) if wanted else None
+    dashboard = DashChild(telemetry) if telemetry is not None and options.dashboard else nullcontext()
     directory = choose_directory(options.out, scenario.name, seed)
     bus_log = directory / "can.log" if options.device == "can" and options.record else None
-    with Recorder(directory) as recorder, RunProgress(judged(scenario.shape).names) as progress:
+    watched = RunProgress(judged(scenario.shape).names)
+    with dashboard, Recorder(directory) as recorder, watched as progress:
         kept = recorder if options.record else None
         result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log, kept)
     files = recorder.files | write_run(result, directory)

@@ -37,13 +37,18 @@ LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 class LiveDash:
     """Draws one robot; `turn` every `INTERVAL_S`."""
 
-    def __init__(self, listener: TelemetryListener, stream: RerunStream) -> None:
-        """Draw what a listener hears into a stream.
+    def __init__(
+        self,
+        listener: TelemetryListener,
+        stream: RerunStream,
+        keep: Callable[[str, AnyMessage], None] = lambda tail, message: None,
+    ) -> None:
+        """Draw what a listener hears into a stream; `keep` is given every message with its key's tail.
 
         Raises:
             DeviceUnreachable: the robot does not say what surrounds it.
         """
-        self._listener, self._stream = listener, stream
+        self._listener, self._stream, self._keep = listener, stream, keep
         self._builder = RecordBuilder()
         first = listener.take()
         known: dict[type, AnyMessage] = {type(message): message for _, message in first}
@@ -67,8 +72,9 @@ class LiveDash:
         self._content.close()
 
     def _take(self, messages: list[tuple[str, AnyMessage]]) -> None:
-        for _, message in messages:
+        for tail, message in messages:
             self.messages += 1
+            self._keep(tail, message)
             match message:
                 case Health():
                     self._show_health(message)

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import socket
 import subprocess
+import sys
 import time
 from pathlib import Path
 from urllib.parse import quote
@@ -34,15 +35,21 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def has_display() -> bool:
+    """Return whether this process can open a window."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
 class RerunViewer:
     """One viewer; a context manager that ends it. `url` is where streams connect to, `page` what a browser opens."""
 
     def __init__(self, web: bool, files: tuple[Path, ...] = (), port: int = 0, web_port: int = 0) -> None:
-        """Start it, with files open; ports that are 0 are chosen.
+        """Start it, with files open; ports that are 0 are chosen. Without a display it serves a browser in any case.
 
         Raises:
-            DeviceUnreachable: it does not come up: without a display it can only serve a browser.
+            DeviceUnreachable: it does not come up.
         """
+        web = web or not has_display()
         port, web_port = port or free_port(), web_port or free_port()
         self.url = f"rerun+http://{LOOPBACK}:{port}/proxy"
         self.page = f"http://{LOOPBACK}:{web_port}/?url={quote(self.url, safe='')}" if web else ""
@@ -57,6 +64,11 @@ class RerunViewer:
         except DeviceUnreachable:
             self.close()
             raise
+
+    @property
+    def where(self) -> str:
+        """Where to look, as the end of a sentence."""
+        return f" at {self.page}" if self.page else " in its window"
 
     @property
     def running(self) -> bool:
@@ -91,7 +103,7 @@ class RerunViewer:
             if self._process.poll() is not None:
                 said = b"" if self._process.stderr is None else self._process.stderr.read()
                 lines = said.decode("utf-8", "replace").strip().splitlines() or ["it said nothing"]
-                raise DeviceUnreachable(f"rerun viewer: ended at once: {lines[0]} (without a display use --web)")
+                raise DeviceUnreachable(f"rerun viewer: ended at once: {lines[0]}")
             with socket.socket() as probe:
                 if probe.connect_ex((LOOPBACK, port)) == 0:
                     return

@@ -27,7 +27,11 @@ def choose_directory(out: Path | None, scenario: str, seed: int) -> Path:
     Raises:
         ConfigurationError: it cannot be made.
     """
-    directory = out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario}-{seed}"
+    return make_directory(out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario}-{seed}")
+
+
+def make_directory(directory: Path) -> Path:
+    """Return a folder, made if missing; `ConfigurationError` if it cannot be made."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
