@@ -12,8 +12,6 @@ import tyro
 
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.exit_codes import ExitCode
-from preshape.tools.telemetry_config import ENDPOINT
-from preshape.tools.telemetry_keys import ROBOT, Keys
 
 LARGEST_PORT = 65535
 
@@ -35,8 +33,8 @@ class Options:
     """
 
     recording: Annotated[Path | None, tyro.conf.Positional] = None
-    robot: str = ROBOT
-    endpoint: str = ENDPOINT
+    robot: str = "box"
+    endpoint: str = "tcp/127.0.0.1:7447"
     zenoh_config: Path | None = None
     web: bool = False
     port: int = 0
@@ -45,7 +43,6 @@ class Options:
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
-        Keys(self.robot)
         for flag, port in (("--port", self.port), ("--web-port", self.web_port)):
             if not 0 <= port <= LARGEST_PORT:
                 raise ConfigurationError(f"{flag}: got {port}, allowed is 0 .. {LARGEST_PORT}")
@@ -106,6 +103,7 @@ def _show_live(options: Options) -> None:
     from preshape.tools.rerun_stream import RerunStream
     from preshape.tools.rerun_viewer import RerunViewer
     from preshape.tools.robot_reach import listening
+    from preshape.tools.telemetry_keys import Keys
 
     robot = Keys(options.robot), options.endpoint, options.zenoh_config, options.within_s
     with listening(*robot) as listener, RerunViewer(options.web, (), options.port, options.web_port) as viewer:

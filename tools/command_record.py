@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.exit_codes import ExitCode
-from preshape.tools.telemetry_config import ENDPOINT
-from preshape.tools.telemetry_keys import ROBOT, Keys
 
 if TYPE_CHECKING:
     from preshape.tools.telemetry_listener import TelemetryListener
@@ -38,14 +36,13 @@ class Options:
     """
 
     out: Path | None = None
-    robot: str = ROBOT
-    endpoint: str = ENDPOINT
+    robot: str = "box"
+    endpoint: str = "tcp/127.0.0.1:7447"
     zenoh_config: Path | None = None
     within_s: float = 10.0
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
-        Keys(self.robot)
         for flag, value in (("--within-s", self.within_s), ("--seconds", self.seconds)):
             if not value >= 0.0:
                 raise ConfigurationError(f"{flag}: got {value:g}, allowed is >= 0")
@@ -55,6 +52,7 @@ def execute(options: Options) -> int:
     """Record until it ends; return the exit code."""
     from preshape.tools.robot_reach import listening
     from preshape.tools.run_directory import make_directory
+    from preshape.tools.telemetry_keys import Keys
 
     directory = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-record-{options.robot}"
     with listening(Keys(options.robot), options.endpoint, options.zenoh_config, options.within_s) as listener:
@@ -70,6 +68,7 @@ def _record(options: Options, listener: TelemetryListener, directory: Path) -> i
     from preshape.tools.dash_live import LiveDash
     from preshape.tools.rerun_layout import blueprint
     from preshape.tools.rerun_stream import RerunStream
+    from preshape.tools.telemetry_keys import Keys
     from preshape.tools.telemetry_messages import AnyMessage, Heartbeat
     from preshape.tools.telemetry_recording import TelemetryFile
 
