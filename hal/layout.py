@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -43,11 +43,11 @@ class Layout:
     acceleration: NDArray[np.float64]
     jerk: NDArray[np.float64]
     torque: NDArray[np.float64]
+    dof: int = field(init=False)
+    """Number of actuated joints."""
 
-    @property
-    def dof(self) -> int:
-        """Number of actuated joints."""
-        return len(self.names)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "dof", len(self.names))
 
     def arm(self, side: Side) -> slice:
         """Return the slice of one arm's 7 joints."""

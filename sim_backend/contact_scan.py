@@ -38,6 +38,7 @@ RIGHT_ON_BOX, LEFT_ON_BOX, TABLE_ON_BOX, OTHER_ON_BOX = 1, 2, 4, 8
 RIGHT_ON_LID, THUMB_ON_TAB, THUMB_INSIDE, FINGER_OUTSIDE = 16, 32, 64, 128
 """Bits of what one step's contacts say; lid contacts here include the tab's, except for the last two."""
 
+_NONE: Indices = np.zeros((0, 3), dtype=np.int64)
 _RIGHT_FIRST, _RIGHT_LAST = CLASS[hand("right")[0]], CLASS[hand("right")[-1]]
 _LEFT_FIRST, _LEFT_LAST = CLASS[hand("left")[0]], CLASS[hand("left")[-1]]
 _TABLE, _THUMB = CLASS["table"], CLASS["right_thumb"]
@@ -80,7 +81,7 @@ class ContactScan:
             data.xmat[self._box], data.xpos[self._box], data.xmat[self._lid], self._half, self._corners,
             self._opening, lid_shut, self.face_load, self.link_load, self.link_slide,
         )  # fmt: skip
-        return bits, self._fresh[:count]
+        return bits, self._fresh[:count] if count else _NONE
 
 
 @compiled

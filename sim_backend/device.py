@@ -6,6 +6,7 @@ import numpy as np
 
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import DeviceStatus, Mode, RobotCommand, RobotState
+from preshape.hal.state_monitor import all_finite
 from preshape.sim_backend.simulation import Simulation
 
 COMMAND_PERIOD_S = 0.002
@@ -103,5 +104,4 @@ class MujocoDevice:
 
 def is_finite(command: RobotCommand) -> bool:
     """Tell whether every value of a command is a number."""
-    values = command.position, command.torque_limit, command.torque
-    return all(bool(np.isfinite(value).all()) for value in values)
+    return all_finite(command.position) and all_finite(command.torque_limit) and all_finite(command.torque)

@@ -83,28 +83,30 @@ def _slide(
 
 
 class Sustained:
-    """The largest value of each channel that lasted for a number of steps: max over time of a sliding minimum."""
+    """The largest size of each channel that lasted for a number of steps: max over time of a sliding minimum."""
 
-    def __init__(self, channels: int, steps: int) -> None:
-        """Watch some channels; a value counts when it has lasted `steps` steps."""
+    def __init__(self, units: Vector, steps: int) -> None:
+        """Watch |value| / unit of some channels, by their units; it counts when it has lasted `steps` steps."""
+        channels = len(units)
+        self._units = units
         self._ring: NDArray[np.float64] = np.zeros((steps, channels))
         self._slot = 0
         self.worst = np.zeros(channels)
         self.peak = np.zeros(channels)
-        """Largest single value of each channel."""
+        """Largest single size of each channel."""
 
     def update(self, values: Vector) -> None:
         """Take one step's values (channels,)."""
-        _last(self._ring, self._slot, values, self.worst, self.peak)
+        _last(self._ring, self._slot, values, self._units, self.worst, self.peak)
         self._slot = (self._slot + 1) % len(self._ring)
 
 
 @compiled
-def _last(ring: Matrix, slot: int, values: Vector, worst: Vector, peak: Vector) -> None:
+def _last(ring: Matrix, slot: int, values: Vector, units: Vector, worst: Vector, peak: Vector) -> None:
     for i in range(len(values)):
-        ring[slot, i] = values[i]
-        least = values[i]
+        size = abs(values[i]) / units[i]
+        ring[slot, i] = least = size
         for row in range(len(ring)):
             least = min(least, ring[row, i])
         worst[i] = max(worst[i], least)
-        peak[i] = max(peak[i], values[i])
+        peak[i] = max(peak[i], size)

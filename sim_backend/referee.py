@@ -45,8 +45,8 @@ class Referee:
         self._contacts = ContactScan(model, scenario, self._judged.rules)
         self._stages = self._judged.stages()
         self._slip = HoldSlip(TIMESTEP_S)
-        self._torque = Sustained(LAYOUT.dof, round(TORQUE_TIME_S / TIMESTEP_S) + 1)
-        self._panels = Sustained(len(FACES), max(1, round(scenario.strengths.tear_time_s / TIMESTEP_S)))
+        self._torque = Sustained(LAYOUT.torque, round(TORQUE_TIME_S / TIMESTEP_S) + 1)
+        self._panels = Sustained(np.ones(len(FACES)), max(1, round(scenario.strengths.tear_time_s / TIMESTEP_S)))
         self._crush_n = scenario.strengths.crush_n * scenario.strengths.scale
         self._lid = LidTruth(simulation)
         self._max_angles = np.zeros(2)
@@ -140,7 +140,7 @@ class Referee:
         stages.update(
             Glance(seconds, self._bits, self._contacts.lowest, lid.tab_torn, tab_rad, lid_rad, self._is_clear)
         )
-        self._torque.update(np.abs(simulation.joint_sensors.true_torque) / LAYOUT.torque)
+        self._torque.update(simulation.joint_sensors.true_torque)
         self._watch_load(seconds)
         self._watch_hold(seconds)
 

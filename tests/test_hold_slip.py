@@ -48,7 +48,7 @@ def test_a_part_that_does_not_touch_does_not_slide() -> None:
 def test_sustained_is_the_largest_sliding_minimum() -> None:
     rng = np.random.default_rng(0)
     values = rng.uniform(0.0, 1.0, (300, 4))
-    watch = Sustained(4, 3)
+    watch = Sustained(np.ones(4), 3)
     for row in values:
         watch.update(row)
     windows = np.lib.stride_tricks.sliding_window_view(values, 3, axis=0)
