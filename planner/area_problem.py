@@ -69,10 +69,16 @@ class AreaProblem:
         if self.usable is None:
             return among
         asked, able = self._asked.get((hand, task), (0, 0))
-        for k, component in enumerate(all_components(self.sections.long_axis)):
-            if among & ~asked & 1 << k and self.usable(hand, task, component):
-                able |= 1 << k
-        self._asked[hand, task] = asked | among, able
+        new = among & ~asked
+        if new:
+            every = all_components(self.sections.long_axis)
+            asked |= new
+            while new:
+                one = new & -new
+                if self.usable(hand, task, every[one.bit_length() - 1]):
+                    able |= one
+                new ^= one
+            self._asked[hand, task] = asked, able
         return able & among
 
     def allowed_in(self, block: Block, among: int = EVERY) -> int:

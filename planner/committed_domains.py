@@ -79,10 +79,12 @@ def committed_certificate(problem: AreaProblem, order: tuple[Block, ...]) -> Cer
         higher, lower = sorted(clash, key=order.index)
         return Certificate(lower, (higher,))
     kept = list(order)
-    without_usable = replace(problem, usable=None)
-    problem = problem if holds(without_usable, order) else without_usable
-    any_palm = replace(problem, palm_on_end_caps_only=False)
-    problem = problem if holds(any_palm, order) else any_palm
+    if problem.usable is not None:
+        without_usable = replace(problem, usable=None)
+        problem = problem if holds(without_usable, order) else without_usable
+    if problem.palm_on_end_caps_only:
+        any_palm = replace(problem, palm_on_end_caps_only=False)
+        problem = problem if holds(any_palm, order) else any_palm
     for block in sorted(order, key=lambda b: b.want != "grasp"):
         rest = [b for b in kept if b != block]
         if not holds(problem, rest):

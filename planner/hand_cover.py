@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from preshape.hal import sah_hand
 from preshape.planner.component import all_components, component_masks
@@ -34,6 +34,7 @@ class Covers:
         return found
 
 
+@lru_cache(maxsize=64)
 def hand_covers(sections: Sections, palm_width: float = PALM_WIDTH) -> Covers:
     """Return the covers of all components of a box.
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from preshape.planner.area_problem import AreaProblem
+from preshape.planner.hand_cover import Covers
 from preshape.planner.hold_states import (
     NO_STATES,
     OFF,
@@ -13,13 +15,15 @@ from preshape.planner.hold_states import (
     States,
     arrived,
     before_regrasp,
+    intersection,
     left_box,
+    possible,
     regrasped,
     union,
-    within,
 )
-from preshape.planner.procedure import HANDS, Block, Hand
+from preshape.planner.procedure import HANDS, Hand, Task
 from preshape.planner.regrasp_move import needs_helper, regrasp_task
+from preshape.planner.task_areas import TaskAreas
 
 Move = tuple[Hand, int]
 """A regrasp of a hand after a task of the procedure that is searched, numbered as before any was added."""
@@ -27,67 +31,78 @@ Move = tuple[Hand, int]
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """Components allowed in a task, OFF among them where the hand is not on the box; who stays; possible regrasps."""
+    """States possible in a task, which hands are on the box, which of them stay on it after it."""
 
-    right: int
-    left: int
+    states: States
+    right: bool
+    left: bool
     right_stays: bool
     left_stays: bool
-    moves: tuple[Onto, ...]
 
 
-def _grasp(problem: AreaProblem, hand: Hand, *numbers: int) -> Block | None:
-    blocks = problem.procedure.blocks
-    return next((b for b in blocks if b.resource == hand and b.want == "grasp" and b.covers(*numbers)), None)
+class _Areas:
+    """What the hands of a problem may have in its tasks and in regrasps after them, asked for task by task."""
 
+    def __init__(self, problem: AreaProblem) -> None:
+        self._problem = problem
+        self._areas = TaskAreas(problem, problem.kept_out)
 
-def _allowed(problem: AreaProblem, hand: Hand, number: int) -> int:
-    if _grasp(problem, hand, number) is None:
-        return OFF_BIT
-    given = tuple(b for b in problem.procedure.blocks if b.want != "grasp" and b.covers(number))
-    task = problem.procedure.tasks[number - 1]
-    return problem.allowed(hand, task, among=problem.free_of_given(Block(hand, number, number), given))
+    def _allowed(self, hand: Hand, task: Task, first: int, last: int) -> int:
+        return self._areas.limits(hand, task, first, last)[1]
 
+    def task(self, number: int) -> _Task:
+        """Return a task as the search sees it."""
+        right, left = HANDS
+        task = self._problem.procedure.tasks[number - 1]
+        on = self._areas.keeps(right, number, number), self._areas.keeps(left, number, number)
+        states = possible(
+            self._problem.covers,
+            self._allowed(right, task, number, number) if on[0] else OFF_BIT,
+            self._allowed(left, task, number, number) if on[1] else OFF_BIT,
+        )
+        return _Task(
+            states,
+            *on,
+            on[0] and self._areas.keeps(right, number, number + 1),
+            on[1] and self._areas.keeps(left, number, number + 1),
+        )
 
-def _onto(problem: AreaProblem, hand: Hand, number: int) -> Onto | None:
-    helper = needs_helper(problem.procedure, hand, number)
-    if helper is None:
-        return None
-    task = regrasp_task(hand, problem.procedure.tasks[number - 1].holder)
-    given = tuple(b for b in problem.procedure.blocks if b.want != "grasp" and b.covers(number, number + 1))
-    other = HANDS[1 - HANDS.index(hand)]
+    def regrasps(self, number: int) -> tuple[Onto, ...]:
+        """Return the regrasps that are possible after a task."""
+        found = (self._regrasp(hand, number) for hand in HANDS if self._areas.keeps(hand, number, number + 1))
+        return tuple(onto for onto in found if onto is not None)
 
-    def free(who: Hand) -> int:
-        return problem.allowed(who, task, among=problem.free_of_given(Block(who, number, number), given))
-
-    stays = helper or _grasp(problem, other, number, number + 1) is not None
-    return Onto(hand == "r", free(hand), free(other) if stays else OFF_BIT, helper)
-
-
-def _tasks(problem: AreaProblem) -> list[_Task]:
-    tasks: list[_Task] = []
-    for number, _ in problem.procedure.numbered():
-        right, left = (_allowed(problem, hand, number) for hand in HANDS)
-        stays = [_grasp(problem, hand, number, number + 1) is not None for hand in HANDS]
-        moves = [_onto(problem, hand, number) for hand in HANDS]
-        tasks.append(_Task(right, left, stays[0], stays[1], tuple(m for m in moves if m is not None)))
-    return tasks
+    def _regrasp(self, hand: Hand, number: int) -> Onto | None:
+        procedure = self._problem.procedure
+        helper = needs_helper(procedure, hand, number)
+        if helper is None:
+            return None
+        task, other = regrasp_task(hand, procedure.tasks[number - 1].holder), HANDS[1 - HANDS.index(hand)]
+        own = self._allowed(hand, task, number, number + 1)
+        stays = helper or self._areas.keeps(other, number, number + 1)
+        return Onto(hand == "r", own, self._allowed(other, task, number, number + 1) if stays else OFF_BIT, helper)
 
 
 @dataclass(frozen=True, slots=True)
 class HandoverSearch:
-    """The moves found, fewest first of all; or None and the first task that no number of them leads into."""
+    """The moves found, fewest first of all; or None and the first task that no number of them leads into.
+
+    `alone`: that task has no grasps even by itself.
+    """
 
     moves: tuple[Move, ...] | None
     stuck_at: int | None
+    alone: bool = False
 
 
 class _Layers:
     """States reached with at most k regrasps, per task: in it, and after it once leaving hands are off the box."""
 
-    def __init__(self, problem: AreaProblem) -> None:
-        self.covers = problem.covers
-        self.tasks = _tasks(problem)
+    def __init__(self, covers: Covers, areas: _Areas, tasks: Sequence[_Task]) -> None:
+        self.covers = covers
+        self.tasks = tasks
+        self._areas = areas
+        self._moves: dict[int, tuple[Onto, ...]] = {}
         self.inside: list[list[States]] = []
         self.beyond: list[list[States]] = []
 
@@ -100,19 +115,25 @@ class _Layers:
         """Return the states in a task, from those before it."""
         task = self.tasks[number]
         stayed = (self.tasks[number - 1].right_stays, self.tasks[number - 1].left_stays) if number else (False, False)
-        states = arrived(states, task.right != OFF_BIT and not stayed[0], task.left != OFF_BIT and not stayed[1])
-        return within(states, self.covers, task.right, task.left)
+        states = arrived(states, task.right and not stayed[0], task.left and not stayed[1])
+        return intersection(states, task.states)
+
+    def moves(self, number: int) -> tuple[Onto, ...]:
+        """Return the regrasps that are possible after a task (from 0); asked for only where the search comes."""
+        if number not in self._moves:
+            self._moves[number] = self._areas.regrasps(number + 1)
+        return self._moves[number]
 
     def add(self) -> None:
         """Allow one more regrasp."""
         states: States = (*NO_STATES[:OFF], OFF_BIT)
         inside, beyond = list[States](), list[States]()
         fewer = self.beyond[-1] if self.beyond else None
-        for number, task in enumerate(self.tasks):
+        for number in range(len(self.tasks)):
             inside.append(self.enter(number, states))
             states = self.leave(number, inside[-1])
-            if fewer is not None:
-                for onto in task.moves:
+            if fewer is not None and any(fewer[number]):
+                for onto in self.moves(number):
                     states = union(states, regrasped(fewer[number], self.covers, onto))
             beyond.append(states)
         self.inside.append(inside)
@@ -135,7 +156,7 @@ class _Layers:
         return tuple(reversed(moves))
 
     def _undone(self, level: int, number: int, state: tuple[int, int]) -> tuple[tuple[int, int], Hand]:
-        for onto in self.tasks[number].moves:
+        for onto in self.moves(number):
             found = before_regrasp(self.beyond[level][number], self.covers, onto, state)
             if found is not None:
                 return found, "r" if onto.right else "l"
@@ -164,7 +185,13 @@ def fewest_moves(problem: AreaProblem) -> HandoverSearch:
     """
     if any(task.regrasps is not None for task in problem.procedure.tasks):
         raise ValueError("the search for regrasps takes a procedure without added ones")
-    layers = _Layers(problem)
+    areas, tasks = _Areas(problem), list[_Task]()
+    for number, _ in problem.procedure.numbered():
+        task = areas.task(number)
+        if not any(task.states):
+            return HandoverSearch(None, number, alone=True)
+        tasks.append(task)
+    layers = _Layers(problem.covers, areas, tasks)
     while True:
         layers.add()
         if any(layers.inside[-1][-1]):

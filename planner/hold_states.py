@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import and_, or_
 
 from preshape.planner.component import EVERY, component_masks
 from preshape.planner.hand_cover import Covers
@@ -43,15 +44,18 @@ def flipped(states: States) -> States:
 
 def union(a: States, b: States) -> States:
     """Return the union of two sets."""
-    return tuple(x | y for x, y in zip(a, b, strict=True))
+    return tuple(map(or_, a, b))
 
 
-def within(states: States, covers: Covers, right: int, left: int) -> States:
+def intersection(a: States, b: States) -> States:
+    """Return the intersection of two sets."""
+    return tuple(map(and_, a, b))
+
+
+def possible(covers: Covers, right: int, left: int) -> States:
     """Return the states whose hands are both allowed and compatible with each other."""
-    return tuple(
-        row & left & (covers.compatible[r] | OFF_BIT if r != OFF else EVERY | OFF_BIT) if right >> r & 1 else 0
-        for r, row in enumerate(states)
-    )
+    partners = (*covers.compatible, EVERY)
+    return tuple(left & (partners[r] | OFF_BIT) if right >> r & 1 else 0 for r in range(OFF + 1))
 
 
 def left_box(states: States, right: bool, left: bool) -> States:

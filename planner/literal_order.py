@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from preshape.planner.component import surviving
 
@@ -11,8 +11,7 @@ _Ways = dict[int, tuple[int, ...]]
 """Possible region of a grasp -> an order of its subtree that gives it."""
 
 
-@dataclass(frozen=True, slots=True)
-class GraspSpan:
+class GraspSpan(NamedTuple):
     """One grasp: its hand, its first and last task, the patches free of given areas, the components allowed."""
 
     hand: int
@@ -31,21 +30,51 @@ class GraspForest:
 
     def __init__(self, spans: tuple[GraspSpan, ...]) -> None:
         self._spans = spans
-        self._meets = [[k for k, other in enumerate(spans) if span.meets(other)] for span in spans]
+        self._meets: list[list[int]] = [[] for _ in spans]
+        for i, (hand, first, last, _, _) in enumerate(spans):
+            for j in range(i):
+                other = spans[j]
+                if hand != other.hand and first <= other.last and other.first <= last:
+                    self._meets[i].append(j)
+                    self._meets[j].append(i)
         self._known: dict[tuple[int, int, int], _Ways] = {}
 
     def order(self) -> tuple[int, ...] | None:
         """Return an order of the grasps, highest priority first, that leaves each a component; None if none does."""
-        if not all(surviving(span.free) & span.allowed for span in self._spans):
+        spans, order = self._spans, list[int]()
+        if not all([surviving(span.free) & span.allowed for span in spans]):
             return None
-        order: list[int] = []
-        for root in range(len(self._spans)):
-            if root not in order:
-                ways = self._ways(root, -1, 0)
-                if not ways:
-                    return None
-                order += next(iter(ways.values()))
+        for tree in self._trees():
+            ways = self._ways(tree[0], -1, 0) if self._has_top(tree) else None
+            if not ways:
+                return None
+            order += next(iter(ways.values()))
         return tuple(order)
+
+    def _trees(self) -> Iterator[list[int]]:
+        """Yield the grasps that hang together, tree by tree."""
+        seen = set[int]()
+        for root, meets in enumerate(self._meets):
+            if root not in seen:
+                tree = [root]
+                for index in tree if meets else ():
+                    tree += [other for other in self._meets[index] if other not in tree]
+                seen.update(tree)
+                yield tree
+
+    def _has_top(self, tree: list[int]) -> bool:
+        """Return False if no grasp of a tree can be its highest one, and so no order is possible.
+
+        The highest one keeps all that is free of given areas: what it meets must do with the rest.
+        """
+        for index in tree:
+            rest = ~self._spans[index].free
+            for other in self._meets[index]:
+                if not surviving(self._spans[other].free & rest) & self._spans[other].allowed:
+                    break
+            else:
+                return True
+        return False
 
     def _ways(self, index: int, parent: int, taken: int) -> _Ways:
         """Return all regions of a grasp with the subtree away from `parent` complete.
@@ -59,25 +88,38 @@ class GraspForest:
         return found
 
     def _found(self, index: int, parent: int, taken: int) -> _Ways:
-        span, found = self._spans[index], _Ways()
+        span = self._spans[index]
         start = span.free & ~taken
         if not surviving(start) & span.allowed:
-            return found
+            return {}
         children = [child for child in self._meets[index] if child != parent]
         if not children:
             return {start: (index,)}
-        for first in product((False, True), repeat=len(children)):
-            before = [self._ways(child, index, 0) for child, higher in zip(children, first, strict=True) if higher]
-            after = [child for child, higher in zip(children, first, strict=True) if not higher]
-            for choice in product(*before):
-                region = start
-                for mask in choice:
-                    region &= ~mask
-                if region in found or not surviving(region) & span.allowed:
-                    continue
-                below = [self._ways(child, index, region) for child in after]
-                if all(below):
-                    higher = [b for ways, mask in zip(before, choice, strict=True) for b in ways[mask]]
-                    lower = [b for ways in below for b in next(iter(ways.values()))]
-                    found[region] = (*higher, index, *lower)
+        # Region and children that go after this grasp -> the order of all that goes before it.
+        choices: dict[tuple[int, tuple[int, ...]], tuple[int, ...]] = {(start, ()): ()}
+        for child in children:
+            above = self._ways(child, index, 0)
+            longer: dict[tuple[int, tuple[int, ...]], tuple[int, ...]] = {}
+            for (region, after), before in choices.items():
+                longer[region, (*after, child)] = before
+                for mask, order in above.items():
+                    left = region & ~mask
+                    if surviving(left) & span.allowed:
+                        longer.setdefault((left, after), (*before, *order))
+            choices = longer
+        found = _Ways()
+        for (region, after), before in choices.items():
+            below = None if region in found else self._below(index, region, after)
+            if below is not None:
+                found[region] = (*before, index, *below)
         return found
+
+    def _below(self, index: int, region: int, children: tuple[int, ...]) -> list[int] | None:
+        """Return an order of the subtrees of children that go after a grasp with this region; None if there is none."""
+        order: list[int] = []
+        for child in children:
+            ways = self._ways(child, index, region)
+            if not ways:
+                return None
+            order += next(iter(ways.values()))
+        return order

@@ -12,8 +12,8 @@ Priorities = Mapping[Block, int]
 
 def base_priority(procedure: Procedure, block: Block) -> int:
     """Return 1 if the block's resource is main in any of its tasks, else the largest tau over them."""
-    tasks = procedure.tasks[block.first - 1 : block.last]
-    return 1 if any(task.main == block.resource for task in tasks) else max(task.tau for task in tasks)
+    tasks, resource = procedure.tasks[block.first - 1 : block.last], block.resource
+    return 1 if resource in [task.main for task in tasks] else max([task.tau for task in tasks])
 
 
 def placing_order(procedure: Procedure) -> tuple[Block, ...]:
@@ -69,7 +69,8 @@ def default_order(procedure: Procedure) -> tuple[Block, ...]:
 
     Not always the order in which they were placed: a block placed late may fill a gap above an earlier one.
     """
-    return checked_order(procedure, derive_priorities(procedure))
+    numbers = derive_priorities(procedure)
+    return tuple(sorted(procedure.blocks, key=numbers.__getitem__))
 
 
 def priority_table(procedure: Procedure, priorities: Priorities) -> dict[Resource, list[int | None]]:

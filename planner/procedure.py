@@ -56,6 +56,9 @@ class Task:
         if self.holder not in (*HANDS, None) or self.regrasps not in (*HANDS, None):
             raise ValueError(f"task {self.name}: holder and regrasps must be r, l or None")
 
+    def __hash__(self) -> int:
+        return hash(self.name)
+
 
 @dataclass(frozen=True, slots=True)
 class Block:
@@ -87,7 +90,7 @@ class Block:
 
     def covers(self, *numbers: int) -> bool:
         """Return whether all these tasks lie in the block."""
-        return all(self.first <= number <= self.last for number in numbers)
+        return self.first <= min(numbers) and max(numbers) <= self.last
 
     def meets(self, other: Block) -> bool:
         """Return whether another resource's block shares a task with this one: only then do areas compete."""

@@ -22,8 +22,9 @@ def needs_helper(procedure: Procedure, hand: Hand, after: int) -> bool | None:
     helper is needed while the box rests or the other hand keeps its own grasp over both tasks.
     """
     other = HANDS[1 - HANDS.index(hand)]
-    spanning = {b.resource: b for b in procedure.blocks if b.covers(after, after + 1)}
-    own, others = spanning.get(hand), spanning.get(other)
+    spanning = [b for b in procedure.blocks if b.first <= after < b.last]
+    own = next((b for b in spanning if b.resource == hand), None)
+    others = next((b for b in spanning if b.resource == other), None)
     if own is None or own.want != "grasp":
         return None
     if procedure.tasks[after - 1].holder != hand:

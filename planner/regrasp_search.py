@@ -8,7 +8,7 @@ from preshape.hal.world import NominalBox, Opening
 from preshape.planner.area_problem import AreaProblem, Usable
 from preshape.planner.areas import Reading
 from preshape.planner.certificate import Certificate
-from preshape.planner.committed_domains import committed_certificate, given_clash, holds
+from preshape.planner.committed_domains import committed_certificate, given_clash
 from preshape.planner.component import surviving
 from preshape.planner.handover_path import Move, fewest_moves
 from preshape.planner.literal_regions import literal_certificate, literal_masks
@@ -75,33 +75,29 @@ def with_moves(procedure: Procedure, moves: tuple[Move, ...]) -> Procedure:
 
 def _committed(problem: AreaProblem) -> RegraspPlan:
     procedure = problem.procedure
-    if holds(problem, procedure.blocks):
-        return RegraspPlan(procedure, derive_priorities(procedure), 0, False, None)
     found = fewest_moves(problem)
     if found.moves is not None:
         changed = with_moves(procedure, found.moves)
         return RegraspPlan(changed, derive_priorities(changed), len(found.moves), False, None)
-    certificate = _single_task_cause(problem)
-    if certificate is None:
+    if found.alone and found.stuck_at is not None:
+        certificate = _single_task_cause(problem, found.stuck_at)
+    else:
         scope = f"no order and no number of added regrasps leads into task {found.stuck_at}"
         certificate = replace(committed_certificate(problem, default_order(procedure)), scope=scope)
     return RegraspPlan(procedure, derive_priorities(procedure), 0, False, certificate)
 
 
-def _single_task_cause(problem: AreaProblem) -> Certificate | None:
-    """Return the cause if some task has no grasps even by itself: then no added task can help."""
-    for number, task in problem.procedure.numbered():
-        blocks = {replace(b, first=1, last=1): b for b in problem.procedure.blocks if b.covers(number)}
-        alone = replace(problem, procedure=Procedure((task,), tuple(blocks)))
-        if not holds(alone, tuple(blocks)):
-            cause = committed_certificate(alone, default_order(alone.procedure))
-            return replace(
-                cause,
-                block=blocks[cause.block],
-                constraints=tuple(blocks[b] for b in cause.constraints),
-                scope=f"in task {number} alone; no order and no number of added regrasps helps",
-            )
-    return None
+def _single_task_cause(problem: AreaProblem, number: int) -> Certificate:
+    """Return why a task has no grasps even by itself: then no added task can help."""
+    blocks = {replace(b, first=1, last=1): b for b in problem.procedure.blocks if b.covers(number)}
+    alone = replace(problem, procedure=Procedure((problem.procedure.tasks[number - 1],), tuple(blocks)))
+    cause = committed_certificate(alone, default_order(alone.procedure))
+    return replace(
+        cause,
+        block=blocks[cause.block],
+        constraints=tuple(blocks[b] for b in cause.constraints),
+        scope=f"in task {number} alone; no order and no number of added regrasps helps",
+    )
 
 
 def _literal(problem: AreaProblem, limit: int) -> RegraspPlan:

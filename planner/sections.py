@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class Sections:
     @property
     def long_axis(self) -> int:
         """Index of the longest edge's direction."""
-        return max(range(3), key=lambda axis: self.size[axis])
+        return self.size.index(max(self.size))
 
     @property
     def stations(self) -> tuple[float, float, float, float]:
@@ -56,20 +57,26 @@ class Sections:
 
     def middle(self) -> Region:
         """Return the whole middle section, the search area of Fig. 5."""
-        return Region.of(self.long_axis, ((1, face) for face in long_faces(self.long_axis)))
+        return _across(self.long_axis, (1,), long_faces(self.long_axis))
 
     def candidates(self) -> Region:
         """Return the middle patches of the faces that may carry the opening."""
-        return Region.of(self.long_axis, ((1, face) for face in self.candidate_faces))
+        return _across(self.long_axis, (1,), self.candidate_faces)
 
     def opening(self, opening: Opening | None) -> Region:
         """Return the patch with the opening; while it is unknown, all patches that may have it."""
-        return self.candidates() if opening is None else Region.of(self.long_axis, [(1, opening.face)])
+        return self.candidates() if opening is None else _across(self.long_axis, (1,), (opening.face,))
 
     def opened_faces(self, opening: Opening | None) -> Region:
         """Return all of the opening's face: there the lid swings, and from there the opening hand comes."""
         faces = self.candidate_faces if opening is None else (opening.face,)
-        return Region.of(self.long_axis, ((section, face) for section in range(SECTIONS) for face in faces))
+        return _across(self.long_axis, tuple(range(SECTIONS)), faces)
+
+
+@cache
+def _across(long_axis: int, sections: tuple[int, ...], faces: tuple[Face, ...]) -> Region:
+    """Return the patches of some sections on some faces."""
+    return Region.of(long_axis, ((section, face) for section in sections for face in faces))
 
 
 def split(box: NominalBox, opening: Opening | None = None, finger_width: float = FINGER_WIDTH) -> Sections:

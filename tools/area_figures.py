@@ -8,12 +8,13 @@ from preshape.tools.bench_areas import AreaBench, bench_areas
 
 
 def as_figures(bench: AreaBench) -> dict[str, float]:
-    """Return counts, and microseconds per problem by what was computed."""
+    """Return counts, and microseconds of CPU time per problem by what was computed."""
     report: dict[str, float] = {"cases": float(bench.cases), "differences": float(len(bench.differences))}
     for name, values in bench.times_us.items():
         stem = name.replace(", ", "_").replace(" ", "_")
         report[f"{stem}_median_us"] = float(np.median(values))
         report[f"{stem}_p99_us"] = float(np.percentile(values, 99))
+        report[f"{stem}_max_us"] = max(values)
     return report
 
 
