@@ -1,4 +1,4 @@
-"""The holding hand that goes on moving while the other one comes: to and fro at a steady speed, then to a soft stop."""
+"""The holding hand that goes on moving while the other one comes: to and fro at a steady speed, then softly home."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from preshape.hal.layout import Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, exp_so3, inverse, log_so3, transform
 
+HOME_S = 1e-4
+"""The box is home when it is this far from where it set out, s at full speed."""
 OFFSET_FILTER_S = 0.3
 """Time constant of the correction of the commanded pose by the seen one, s."""
 
@@ -66,7 +68,7 @@ class Carrier:
         return self._stopping and self._rate == 0.0
 
     def stop(self) -> None:
-        """Come to a soft stop."""
+        """Go back to where the motion set out and stop there softly: the hand-over was planned there."""
         self._stopping = True
 
     def step(self, X_world_box_seen: Matrix) -> None:
@@ -80,11 +82,17 @@ class Carrier:
         options, dt = self._options, self._body.period_s
         if self._place * self._direction > options.span_s / 2 - options.ramp_s / 2:
             self._direction = -self._direction
-        wanted = 0.0 if self._stopping else self._direction
+        wanted = self._homing_rate() if self._stopping else self._direction
         change = dt / options.ramp_s
         self._rate += float(np.clip(wanted - self._rate, -change, change))
         self._place += self._rate * dt
+        if self._stopping and abs(self._place) < HOME_S and abs(self._rate) < 2.0 * np.sqrt(HOME_S):
+            self._place = self._rate = 0.0
         self._body.ask_palm(self._side, self.X_world_box @ inverse(self._X_palm_box))
+
+    def _homing_rate(self) -> float:
+        """Return the share of full speed at which half the ramp's deceleration ends at home: v^2 = 2 (1 / 2 T) s."""
+        return -float(np.sign(self._place) * min(1.0, np.sqrt(abs(self._place) / self._options.ramp_s)))
 
     def _compare(self, X_world_box_seen: Matrix) -> None:
         """Low-pass how far the box is off its command, the arm's lag taken out: what is seen is noisy."""

@@ -49,17 +49,26 @@ def test_the_box_moves_at_its_speeds_and_turns_round_within_its_span() -> None:
     assert max(turns) / PERIOD == pytest.approx(0.35, rel=1e-4)
 
 
-def test_it_stops_softly_when_told() -> None:
+@pytest.mark.parametrize("seconds", [0.05, 0.6, 1.1, 1.9, 2.7])
+def test_told_to_stop_it_comes_home_softly_wherever_it_is(seconds: float) -> None:
     body = resting_body()
-    carrier = Carrier(body, "right", transform((0.0, 0.0, 0.28)), CarryOptions(speed=0.05))
-    for _ in range(300):
+    options = CarryOptions(speed=0.05, turn_speed=0.35)
+    carrier = Carrier(body, "right", transform((0.0, 0.0, 0.28)), options)
+    X_home = carrier.X_world_box
+    for _ in range(round(seconds / PERIOD)):
         carrier.step(carrier.X_world_box)
     carrier.stop()
-    ticks = 0
+    heights = [carrier.X_world_box[2, 3]]
     while not carrier.stopped:
         carrier.step(carrier.X_world_box)
-        ticks += 1
-    assert ticks * PERIOD == pytest.approx(CarryOptions().ramp_s, abs=3 * PERIOD)
+        heights.append(carrier.X_world_box[2, 3])
+        assert len(heights) * PERIOD < 5.0
+    np.testing.assert_allclose(carrier.X_world_box, X_home, atol=1e-9)
+    speeds = np.diff(heights) / PERIOD
+    assert np.abs(speeds).max() <= 0.05 + 1e-9
+    # Softly: no jump in speed but the last one, of a few mm/s.
+    assert np.abs(np.diff(speeds))[:-1].max() <= 1.01 * 0.05 * PERIOD / options.ramp_s + 1e-4
+    assert abs(speeds[-1]) < 0.005
 
 
 def test_a_box_that_does_not_move_asks_nothing_of_the_palm() -> None:
