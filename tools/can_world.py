@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 
 from preshape.hal.can.await_modules import await_modules
-from preshape.hal.can.bus_address import open_bus
+from preshape.hal.can.bus_address import open_bus, open_buses
 from preshape.hal.can.device import CanDevice
 from preshape.hal.can.topology import BusSpec
 from preshape.hal.clock import Clock
@@ -29,6 +29,12 @@ from preshape.tools.wire_watch import WireWatch
 
 MODULES_S = 5.0
 """Longest time until every module on the buses has answered, s."""
+
+
+def require_buses(setup: CanSetup) -> None:
+    """Refuse buses that cannot be opened, before anything that takes long; `DeviceUnreachable` in one line."""
+    for bus in open_buses(setup.topology, setup.addresses).values():
+        bus.shutdown()
 
 
 @contextmanager

@@ -15,8 +15,9 @@ from preshape.hal.world import Opening, Perception
 from preshape.sim_backend.lockstep import LockstepWorld, open_lockstep
 from preshape.sim_backend.paced import PacedWorld
 from preshape.sim_backend.scenario import Scenario
+from preshape.sim_backend.scene_port import ScenePlace
 from preshape.tools.can_setup import can_setup
-from preshape.tools.can_world import open_lockstep_can, open_paced_can
+from preshape.tools.can_world import open_lockstep_can, open_paced_can, require_buses
 from preshape.tools.remote_world import open_served_world
 from preshape.tools.run_ended import Ended
 from preshape.tools.run_options import RunOptions
@@ -89,6 +90,20 @@ class PacedRun:
         """End the processes and return the verdict."""
         ended = self._world.finish()
         return Ended(ended.verdict, ended.simulated_s, ended.slipped_s, ended.kicks)
+
+
+def require_reachable(options: RunOptions) -> None:
+    """Refuse what a run in real time needs and cannot reach, before anything that takes long.
+
+    Raises:
+        ConfigurationError: the buses asked for cannot be.
+        DeviceUnreachable: a bus cannot be opened, or no hand bus is where the run is to find one.
+    """
+    if options.device == "can":
+        setup = can_setup(options)
+        require_buses(setup)
+        if options.attach:
+            ScenePlace(setup.addresses).connect().close()
 
 
 @contextmanager

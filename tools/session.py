@@ -42,7 +42,7 @@ from preshape.tools.run_course import Course, exit_code, run_report
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import plan_drawing, plan_report, plan_run
 from preshape.tools.run_result import RunResult
-from preshape.tools.run_world import RunWorld, open_world
+from preshape.tools.run_world import RunWorld, open_world, require_reachable
 from preshape.tools.standby import await_start
 from preshape.tools.telemetry import Telemetry
 from preshape.tools.telemetry_config import TelemetryConfig
@@ -98,6 +98,7 @@ def run_session(
     cause = impossibility(workcell(drawn), nominal_box(drawn), initial_box_pose(drawn))
     asked = options if cause is None else RunOptions()
     if asked.in_real_time:
+        require_reachable(asked)
         prepare_kernels(scenario, seed, asked)
     wire = _wire_watch(asked, drawn.seed)
     with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log, wire) as world:

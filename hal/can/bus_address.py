@@ -59,6 +59,8 @@ def bus_addresses(topology: Topology, interface: str, channels: Sequence[str] = 
 def _numbered(interface: str, base: str, number: int) -> str:
     if interface == "udp_multicast":
         group, _, port = base.partition(":")
+        if port and not (port.isdecimal() and 0 < int(port) < 65536):
+            raise ValueError(f"channel {base}: got port {port!r}, allowed is 1 .. 65535")
         return f"{group}:{int(port or MULTICAST_PORT) + number}"
     return base if number == 0 else f"{base}.{number}"
 
