@@ -232,7 +232,8 @@ def test_the_page_names_the_cause_before_anything_else_and_needs_no_other_file(r
     assert unescape(page.split("<h2>")[0]).count(result.report.failure) == 1
     assert set(re.findall(r'(?:src|href)="([^"]{5})', page)) == {"data:"}
     assert "<script" not in page and "http" not in page
-    assert page.count("<svg") == page.count("</svg>") == 5
+    # Torques of both sides and the loop's times; no distance was measured in so short a run.
+    assert page.count("<svg") == page.count("</svg>") == 3
 
 
 def test_texts_cannot_break_the_page(result: RunResult) -> None:

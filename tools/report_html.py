@@ -159,7 +159,10 @@ def _motion_plots(report: Report, records: TickRecord | None) -> str:
         plots.append(Plot(title, "", time_s, torque_ratios(records, side), 1.0, marks))
     for side in SIDES:
         title = f"{side} hand: least distance to what it must not touch"
-        plots.append(Plot(title, "m", time_s, distances(records, side), None, marks))
+        series = distances(records, side)
+        # A run that ends before an approach has measured none.
+        if np.isfinite(series.values).any():
+            plots.append(Plot(title, "m", time_s, series, None, marks))
     return "\n".join(svg(plot) for plot in plots)
 
 

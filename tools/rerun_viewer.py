@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from urllib.parse import quote
@@ -57,7 +58,8 @@ class RerunViewer:
         command += ["--serve-web", "--web-viewer-port", str(web_port)] if web else []
         command += [str(file) for file in files]
         quiet = os.environ | {"RUST_LOG": "error"}
-        self._process = subprocess.Popen(command, env=quiet, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        self._said = tempfile.TemporaryFile()
+        self._process = subprocess.Popen(command, env=quiet, stdout=subprocess.DEVNULL, stderr=self._said)
         try:
             for wanted in (port, *((web_port,) if web else ())):
                 self._await(wanted)
@@ -88,8 +90,7 @@ class RerunViewer:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
-        if self._process.stderr is not None:
-            self._process.stderr.close()
+        self._said.close()
 
     def __enter__(self) -> RerunViewer:
         return self
@@ -101,8 +102,8 @@ class RerunViewer:
         deadline_s = time.monotonic() + READY_S
         while time.monotonic() < deadline_s:
             if self._process.poll() is not None:
-                said = b"" if self._process.stderr is None else self._process.stderr.read()
-                lines = said.decode("utf-8", "replace").strip().splitlines() or ["it said nothing"]
+                self._said.seek(0)
+                lines = self._said.read().decode("utf-8", "replace").strip().splitlines() or ["it said nothing"]
                 raise DeviceUnreachable(f"rerun viewer: ended at once: {lines[0]}")
             with socket.socket() as probe:
                 if probe.connect_ex((LOOPBACK, port)) == 0:

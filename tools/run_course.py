@@ -109,7 +109,9 @@ def _tasks(course: Course, ended: Ended) -> list[TaskReport]:
             outcome = "not confirmed by the referee"
         elif outcome == "running":
             outcome = "interrupted"
-        times = (max(0.0, time_s - course.start_s) if log.attempts else 0.0 for time_s in (log.start_s, log.end_s))
+        # A task that was interrupted has lasted until the end.
+        last_s = course.start_s + ended.simulated_s if outcome == "interrupted" else log.end_s
+        times = (max(0.0, time_s - course.start_s) if log.attempts else 0.0 for time_s in (log.start_s, last_s))
         start_s, end_s = times
         reports.append(
             TaskReport(

@@ -14,6 +14,8 @@ from preshape.tools.series import COLORS, Series
 WIDTH, HEIGHT = 900, 200
 LEFT, RIGHT, TOP, BOTTOM = 56, 10, 24, 26
 """Margins around the plotted area, px."""
+HEADROOM = 1.16
+"""Top of the value axis over the highest value: room for what the marks are called."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,13 +38,17 @@ def svg(plot: Plot) -> str:
     axes = _Axes(plot)
     parts = [
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(plot.title, quote=True)}">',
-        f'<text x="{LEFT}" y="15" class="title">{escape(plot.title)}</text>',
+        f'<text x="{LEFT}" y="15" class="title">{escape(_titled(plot))}</text>',
         *_legend(plot.series.names),
         *_grid(plot, axes),
         *(_line(plot, axes, column) for column in range(len(plot.series.names))),
         "</svg>",
     ]
     return "\n".join(parts)
+
+
+def _titled(plot: Plot) -> str:
+    return f"{plot.title}, {plot.unit}" if plot.unit else plot.title
 
 
 class _Axes:
@@ -53,7 +59,7 @@ class _Axes:
         self._logarithmic = plot.logarithmic
         highest = max([float(values.max(initial=0.0)), plot.level or 0.0]) or 1.0
         lowest = min(float(values.min(initial=0.0)), 0.0)
-        self.low, self.high = (1.0, max(highest, 10.0)) if plot.logarithmic else (lowest, highest * 1.05)
+        self.low, self.high = (1.0, max(highest, 10.0)) if plot.logarithmic else (lowest, highest * HEADROOM)
         self.start, self.end = (float(plot.time_s[0]), float(plot.time_s[-1])) if len(plot.time_s) else (0.0, 1.0)
         self.end = max(self.end, self.start + 1e-9)
 
@@ -105,7 +111,6 @@ def _grid(plot: Plot, axes: _Axes) -> list[str]:
     if plot.level is not None:
         y = float(axes.y(plot.level))
         parts.append(f'<line x1="{LEFT}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}" class="level"/>')
-    parts.append(f'<text x="{LEFT - 5}" y="15" text-anchor="end">{escape(plot.unit)}</text>')
     return parts
 
 
