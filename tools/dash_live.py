@@ -106,8 +106,11 @@ class LiveDash:
 
 
 def watch(dash: LiveDash, goes_on: Callable[[], bool], nap: Callable[[float], None]) -> None:
-    """Draw until `goes_on` says no; `nap` sleeps so many seconds."""
-    while goes_on():
-        dash.turn()
-        nap(INTERVAL_S)
-    dash.close()
+    """Draw until `goes_on` says no, or an interrupt; `nap` sleeps so many seconds."""
+    try:
+        while goes_on():
+            dash.turn()
+            nap(INTERVAL_S)
+    finally:
+        # While the viewer is there: a stream to one that has gone complains for seconds.
+        dash.close()

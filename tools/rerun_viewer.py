@@ -59,7 +59,10 @@ class RerunViewer:
         command += [str(file) for file in files]
         quiet = os.environ | {"RUST_LOG": "error"}
         self._said = tempfile.TemporaryFile()
-        self._process = subprocess.Popen(command, env=quiet, stdout=subprocess.DEVNULL, stderr=self._said)
+        # In a session of its own: Ctrl-C is for us, who then end it.
+        self._process = subprocess.Popen(
+            command, env=quiet, stdout=subprocess.DEVNULL, stderr=self._said, start_new_session=True
+        )
         try:
             for wanted in (port, *((web_port,) if web else ())):
                 self._await(wanted)
