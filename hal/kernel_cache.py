@@ -68,6 +68,9 @@ def keep_kernel(dispatcher: Any, function: Any, config: CompilerConfig) -> None:
         before, config.CACHE_DIR = config.CACHE_DIR, str(directory)
         try:
             dispatcher.enable_caching()
+            # The directory's name stands for the source's content. The compiler's own stamp, a time, would only tell
+            # apart checkouts, or a guest that sees the times of this machine's files in whole seconds.
+            dispatcher._cache._cache_file._source_stamp = directory.name
         finally:
             config.CACHE_DIR = before
     KERNELS.append((dispatcher, directory / f"{cast(FunctionType, function).__qualname__}.signatures"))

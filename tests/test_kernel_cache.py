@@ -128,7 +128,7 @@ def test_every_kernel_file_has_a_digest_of_its_own() -> None:
 
 
 def test_only_the_newest_versions_of_a_file_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for number in range(10):
+    for number in range(20):
         old = tmp_path / f"mine-{number:016x}"
         old.mkdir()
         os.utime(old, (number, number))
@@ -137,5 +137,5 @@ def test_only_the_newest_versions_of_a_file_are_kept(tmp_path: Path, monkeypatch
     monkeypatch.setattr(kernel_cache, "source_digest", lambda path, root: "f" * 16)
     assert kernel_cache.kernel_directory(source, tmp_path) == tmp_path / f"mine-{'f' * 16}"
     kept = {path.name for path in tmp_path.glob("mine-*")}
-    assert kept == {f"mine-{'f' * 16}"} | {f"mine-{number:016x}" for number in range(5, 10)}
+    assert kept == {f"mine-{'f' * 16}"} | {f"mine-{number:016x}" for number in range(21 - kernel_cache.KEPT, 20)}
     assert (tmp_path / "other-0000000000000000").exists()

@@ -6,7 +6,7 @@ was given before a stop, however long it waited in a queue, opens nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from preshape.hal.can.parameter_codec import Reply, Request
 from preshape.hal.can.topology import Module
@@ -17,12 +17,15 @@ TAGS = 256
 
 @dataclass(slots=True)
 class _Step:
-    """Where one module is: its firmware (and key) is asked for, then its cycle is set, then it is armed."""
+    """Where one module is: its firmware (and key) is asked for, then its cycle is set, then it is armed.
+
+    `tags` are those of all requests for the present step: a module that is slower than the retry is heard all the same.
+    """
 
     key: int | None = None
     timed: bool = False
     asked_ns: int | None = None
-    tag: int = 0
+    tags: set[int] = field(default_factory=set[int])
     done: bool = False
 
 
@@ -64,23 +67,25 @@ class Arming:
             if step.done or (step.asked_ns is not None and now_ns - step.asked_ns < self._retry_ns):
                 continue
             self._tag = (self._tag + 1) % TAGS
-            step.asked_ns, step.tag = now_ns, self._tag
-            requests.append((node, self._request(step)))
+            step.asked_ns = now_ns
+            step.tags.add(self._tag)
+            requests.append((node, self._request(step, self._tag)))
         return requests
 
-    def _request(self, step: _Step) -> Request:
+    def _request(self, step: _Step, tag: int) -> Request:
         if step.key is None:
-            return Request(Operation.READ, Parameter.FIRMWARE, step.tag)
+            return Request(Operation.READ, Parameter.FIRMWARE, tag)
         if not step.timed:
-            return Request(Operation.WRITE, Parameter.CYCLE_US, step.tag, value=self._cycle_us)
-        return Request(Operation.WRITE, Parameter.SESSION, step.tag, value=self.session, key=step.key)
+            return Request(Operation.WRITE, Parameter.CYCLE_US, tag, value=self._cycle_us)
+        return Request(Operation.WRITE, Parameter.SESSION, tag, value=self.session, key=step.key)
 
     def take(self, node: int, reply: Reply) -> None:
         """Take a module's reply; one that answers no request of this attempt says nothing."""
         step = self._steps.get(node)
-        if step is None or step.done or reply.tag != step.tag or step.asked_ns is None:
+        if step is None or step.done or reply.tag not in step.tags:
             return
         step.asked_ns = None
+        step.tags.clear()
         if reply.parameter is Parameter.FIRMWARE or reply.answer is Answer.WRONG_KEY:
             step.key = reply.key
         elif reply.parameter is Parameter.CYCLE_US and reply.value == self._cycle_us:
