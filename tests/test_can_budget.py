@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from preshape.hal.can.budget import (
@@ -16,6 +18,7 @@ from preshape.hal.can.budget import (
 )
 from preshape.hal.can.slices import slice_count
 from preshape.hal.can.topology import TOPOLOGY, BusSpec, robot_topology
+from preshape.tools.bus_table import COLUMNS, budget_row, layout_row, layouts
 
 MEGA = 1_000_000
 
@@ -89,3 +92,10 @@ def test_a_classic_payload_costs_its_slices() -> None:
     hand = BusSpec("hand", (TOPOLOGY.groups[0],), "classic")
     frames = slice_count(64) + slice_count(32) + 3 * slice_count(24)
     assert bus_budget(hand, 100.0).cycle_us == pytest.approx(frames * classic_us(8, MEGA))
+
+
+def test_the_tables_in_the_readme_are_the_codes() -> None:
+    readme = (Path(__file__).parents[1] / "README.md").read_text()
+    rows = [budget_row(budget) for budget in budgets(TOPOLOGY, 500.0)] + [layout_row(*layout) for layout in layouts()]
+    for row in (COLUMNS, *rows):
+        assert f"| {' | '.join(row)} |" in readme

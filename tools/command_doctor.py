@@ -1,4 +1,4 @@
-"""`preshape doctor`: this machine, its packages, and what the holding grip bears beside what opening asks."""
+"""`preshape doctor`: this machine, its packages, the hand bus, and what the holding grip bears of what opening asks."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.exit_codes import ExitCode
+from preshape.tools.run_options import RATES_HZ, ProfileName
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from preshape.hal.can.budget import BusBudget
     from preshape.tools.holding_check import Holding
 
 SCHEMA = "preshape/doctor/1"
@@ -25,33 +28,50 @@ their torque limits, and the verdict. Upper bounds: contacts from the grip's geo
 friction, torques and the crush load allow, the box turned in the worst way about its horizontal axis."""
 
 
+BUS_NOTE = """\
+cycle: broadcasts and states; load: cycles and heartbeats; worst case: a cycle into which a quick stop, every module's
+emergency and heartbeat and a parameter exchange fall at once; response: from the broadcast until the last state, at
+the worst."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Show this machine, its packages, and what the holding grip bears beside what opening the box asks.
+    """Show this machine, its packages, what the hand bus carries, and what the holding grip bears of what is asked.
 
-    Exit code 1 when a package is missing or no grip suits the box.
+    Exit code 1 when a package is missing, a bus cannot carry its frames at the rate, or no grip suits the box.
 
     Attributes:
         scenario: the box to be opened: a scenario's TOML file, or the name of a shipped one.
+        rate_hz: of the hand bus.
+        profile: of the hand bus: CAN FD frames, or classic ones.
         json: print one JSON object instead of tables.
         overrides: a scenario field to be set, as table.field=value; may be given several times.
     """
 
     scenario: str = "tea_box"
+    rate_hz: int = 500
+    profile: ProfileName = "fd"
     json: bool = False
     overrides: Annotated[
         tuple[str, ...], tyro.conf.arg(name="set", metavar="TABLE.FIELD=VALUE"), tyro.conf.UseAppendAction
     ] = ()
 
+    def __post_init__(self) -> None:
+        if self.rate_hz not in RATES_HZ:
+            raise ConfigurationError(f"--rate-hz: got {self.rate_hz}, allowed are {', '.join(map(str, RATES_HZ))}")
+
 
 def execute(options: Options) -> int:
     """Print the findings; return the exit code."""
+    from preshape.hal.can.budget import budgets
+    from preshape.hal.can.topology import robot_topology
     from preshape.tools.configuration import load_scenario
     from preshape.tools.holding_check import holding_check
     from preshape.tools.machine import machine, packages
 
     scenario = load_scenario(options.scenario, options.overrides)
     facts, versions = machine(), packages()
+    buses = budgets(robot_topology(options.profile), options.rate_hz)
     holdings: list[Holding] = []
     no_grip = ""
     try:
@@ -59,21 +79,29 @@ def execute(options: Options) -> int:
     except ValueError as error:
         no_grip = f"no grip holds the box of {scenario.name} with its opening face free: {error}"
     if options.json:
-        print(as_json(facts, versions, scenario.name, holdings, no_grip))
+        print(as_json(facts, versions, buses, scenario.name, holdings, no_grip))
     else:
         _print_facts(facts, versions)
+        _print_buses(buses, options)
         _print_holdings(scenario.name, holdings, no_grip)
-    return ExitCode.TASK_FAILED if no_grip or "missing" in versions.values() else ExitCode.DONE
+    amiss = no_grip or "missing" in versions.values() or not all(bus.fits for bus in buses)
+    return ExitCode.TASK_FAILED if amiss else ExitCode.DONE
 
 
 def as_json(
-    facts: Mapping[str, str], versions: Mapping[str, str], scenario: str, holdings: Sequence[Holding], no_grip: str
+    facts: Mapping[str, str],
+    versions: Mapping[str, str],
+    buses: Sequence[BusBudget],
+    scenario: str,
+    holdings: Sequence[Holding],
+    no_grip: str,
 ) -> str:
     """Return everything as one JSON object."""
     content = {
         "schema": SCHEMA,
         "machine": facts,
         "packages": versions,
+        "buses": [{**asdict(bus), "fits": bus.fits} for bus in buses],
         "scenario": scenario,
         "holding": [{**asdict(holding), "verdict": holding.verdict} for holding in holdings],
         "no_grip": no_grip or None,
@@ -91,6 +119,22 @@ def _print_facts(facts: Mapping[str, str], versions: Mapping[str, str]) -> None:
     for name, version in versions.items():
         table.add_row(name, version)
     _console().print(table)
+
+
+def _print_buses(buses: Sequence[BusBudget], options: Options) -> None:
+    from rich.table import Table
+
+    from preshape.tools.bus_table import COLUMNS, budget_row
+
+    title = f"hand bus, {options.profile} frames, at {options.rate_hz} Hz; worst-case stuffing"
+    table = Table(title=title, title_justify="left")
+    for column in COLUMNS:
+        table.add_column(column, justify="left" if column == COLUMNS[0] else "right")
+    for bus in buses:
+        table.add_row(*budget_row(bus))
+    console = _console()
+    console.print(table)
+    console.print(BUS_NOTE, highlight=False)
 
 
 def _print_holdings(scenario: str, holdings: Sequence[Holding], no_grip: str) -> None:
