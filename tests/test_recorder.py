@@ -25,23 +25,24 @@ def passes(*command: str) -> bool:
     return subprocess.run([*RERUN, *command], capture_output=True, check=False).returncode == 0
 
 
-def killed_after(seconds: float, directory: Path, whole_group: bool) -> int:
-    """Record for a while, kill the process (with its recorder, or alone), and return when that was, monotonic ns."""
+def killed_after(seconds: float, directory: Path, whole_group: bool, by: int = signal.SIGKILL) -> int:
+    """Record for a while, end the process (with its recorder, or alone), and return when that was, monotonic ns."""
     process = subprocess.Popen(
         [sys.executable, str(WORKER), str(directory)], stdout=subprocess.PIPE, start_new_session=True
     )
     assert process.stdout is not None and process.stdout.readline() == b"ready\n"
     time.sleep(seconds)
     at_ns = time.monotonic_ns()
-    (os.killpg if whole_group else os.kill)(process.pid, signal.SIGKILL)
+    (os.killpg if whole_group else os.kill)(process.pid, by)
     process.wait()
     process.stdout.close()
     return at_ns
 
 
 @pytest.mark.slow
-def test_a_killed_run_leaves_whole_files(tmp_path: Path) -> None:
-    at_ns = killed_after(2.5, tmp_path, whole_group=False)
+@pytest.mark.parametrize(("whole_group", "by"), [(False, signal.SIGKILL), (True, signal.SIGTERM)])
+def test_a_run_that_is_killed_or_terminated_leaves_whole_files(tmp_path: Path, whole_group: bool, by: int) -> None:
+    at_ns = killed_after(2.5, tmp_path, whole_group, by)
     deadline_s = time.monotonic() + 30.0
     while not passes("mcap", "check", str(tmp_path / "recording.mcap")):
         assert time.monotonic() < deadline_s, "the recorder did not complete its file"

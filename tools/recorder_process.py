@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from dataclasses import dataclass
 from multiprocessing.synchronize import Event
@@ -44,8 +45,10 @@ def run_recorder(job: Recorded, ticks: RingMemory, answers: RingMemory, ready: E
     from preshape.tools.rerun_layout import blueprint
     from preshape.tools.rerun_stream import RerunStream
 
-    # Ctrl-C is for the run, which then ends the recording.
+    # Ctrl-C is for the run, which then ends the recording; who is terminated beside it completes its files first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    terminated = threading.Event()
+    signal.signal(signal.SIGTERM, lambda number, frame: terminated.set())
     os.nice(NICENESS)
     directory, setup = Path(job.directory), decode_setup(job.setup)
     file = RecordingFile(directory / "recording.mcap", job.setup, job.wall_offset_ns)
@@ -53,17 +56,19 @@ def run_recorder(job: Recorded, ticks: RingMemory, answers: RingMemory, ready: E
     picture = RerunContent(stream, setup.cell, setup.box)
     try:
         ready.set()
-        _copy(RingReader(ticks, READER), ByteReader(RingReader(answers, READER, PIECE)), file, picture)
+        _copy(RingReader(ticks, READER), ByteReader(RingReader(answers, READER, PIECE)), file, picture, terminated)
     finally:
         file.close()
         picture.close()
 
 
-def _copy(ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: RerunContent) -> None:
+def _copy(
+    ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: RerunContent, terminated: threading.Event
+) -> None:
     run = multiprocessing.parent_process()
     lost, flushed_s = 0, time.monotonic()
     while True:
-        alive = run is not None and run.is_alive()
+        goes_on = run is not None and run.is_alive() and not terminated.is_set()
         # Ticks first: every answer that they rest on is in the other ring by now, and is written before them.
         records = ticks.read()
         for answer, pixels in map(unpack, answers.read()):
@@ -79,6 +84,6 @@ def _copy(ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: 
             picture.flush()
             flushed_s = time.monotonic()
         if not len(records):
-            if ticks.ended or not alive:
+            if ticks.ended or not goes_on:
                 return
             time.sleep(NAP_S)
