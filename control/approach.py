@@ -196,11 +196,16 @@ def insert(
     hand = LAYOUT.hand(side)
     body.aims[side] = aim or grasp_aim(side, X_box_palm, preshape, guide.box)
     clearance: Matrix | None = None
+    late = 0
     for k in range(1, count + 1):
         guide.refresh()
         X_world_box = sight.X_world_box
         X_led = X_world_box if carrier is None else carrier.ahead(X_world_box)
         body.ask_palm(side, X_led @ between(X_box_start, X_box_palm, eased(k / count)))
+        behind = float(np.linalg.norm(body.asked_palm(side)[:3, 3] - body.palm(side)[:3, 3]))
+        late = late + 1 if behind > FOLLOW_M else 0
+        if late * body.period_s > FOLLOW_S:
+            raise TaskFailed(f"stalled: the {side} hand {behind * 1e3:.0f} mm beside its way: its arm cannot follow")
         goal = HandGoal(X_world_box @ X_box_palm, preshape)
         if clearance is None:
             clearance = goal_clearance(guide.field, side, goal)
@@ -216,6 +221,8 @@ def insert(
         yield
 
 
+FOLLOW_M, FOLLOW_S = 0.012, 0.05
+"""A hand that is farther than this from where it is led, for so long, is not inserted any further, m and s."""
 LEAD_M = 0.03
 """How far the asked palm may run ahead of the measured one, m."""
 

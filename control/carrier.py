@@ -13,6 +13,8 @@ from preshape.hal.transform import Matrix, exp_so3, inverse, log_so3, transform
 
 HOME_S = 1e-4
 """The box is home when it is this far from where it set out, s at full speed."""
+SWEEP = (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
+"""Places of one whole sweep, shares of the way to an end."""
 OFFSET_FILTER_S = 0.3
 """Time constant of the correction of the commanded pose by the seen one, s."""
 
@@ -45,6 +47,21 @@ class CarryOptions:
     def moves(self) -> bool:
         """Whether the box moves at all."""
         return self.speed > 0.0 or self.turn_speed > 0.0
+
+
+def sweep(X_world_box: Matrix, options: CarryOptions) -> list[Matrix]:
+    """Return poses of the box along one whole sweep from home: to one end of its span, to the other, and home."""
+    most = options.span_s / 2 + options.ramp_s / 4
+    return [_placed(X_world_box, share * most, options) for share in SWEEP]
+
+
+def _placed(X_world_home: Matrix, place: float, options: CarryOptions) -> Matrix:
+    """Return the box's pose at a place, s at full speed from home."""
+    up = np.array([0.0, 0.0, 1.0])
+    X = X_world_home.copy()
+    X[:3, 3] += place * options.speed * up
+    X[:3, :3] = exp_so3(place * options.turn_speed * up) @ X[:3, :3]
+    return X
 
 
 class Carrier:
@@ -104,11 +121,7 @@ class Carrier:
     @property
     def X_world_box(self) -> Matrix:
         """The box's pose as commanded."""
-        up = np.array([0.0, 0.0, 1.0])
-        X = self._X_start.copy()
-        X[:3, 3] += self._place * self._options.speed * up
-        X[:3, :3] = exp_so3(self._place * self._options.turn_speed * up) @ X[:3, :3]
-        return X
+        return _placed(self._X_start, self._place, self._options)
 
     @property
     def twist(self) -> Vector | None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from preshape.control.approach import FieldGuide, approach, insert
-from preshape.control.carrier import Carrier
+from preshape.control.carrier import Carrier, sweep
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import SPARE_M, Grip, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
 from preshape.control.task_grasp import BACK_M, STANDOFF_M, back_off, draw_back, shown_face
 from preshape.control.work import Work
+from preshape.hal.state import Vector
 from preshape.hal.transform import inverse, transform
 from preshape.hal.world import Face, opposite
 from preshape.planner.air_pose import ELSEWHERE
+from preshape.planner.arm_chain import posture_chain
 
 PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
@@ -40,7 +44,7 @@ def settle(work: Work, grip: Grip, carrier: Carrier) -> Motion:
 
 
 def reach_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
-    """Bring the open left hand around the free end; where obstacles leave no way, hold the box elsewhere and try again.
+    """Bring the open left hand around the free end; where there is no way, hold the box elsewhere and try again.
 
     Nothing has been touched yet, so the left hand can draw back and come again.
     """
@@ -55,17 +59,16 @@ def reach_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
             return
         except TaskFailed as failed:
             last = place == ELSEWHERE[-1]
-            if last or not work.sight.obstacles or failed.kind not in ("stalled", "unreachable", "timed out"):
+            hampered = work.carry.moves or work.sight.obstacles
+            if last or not hampered or failed.kind not in ("stalled", "unreachable", "timed out"):
                 raise
             work.notes.append(f"reach end: {failed.cause}; held elsewhere")
             if work.phase not in ("travel", "move aside"):
                 yield from lead_palm(work.body, "left", back_off(work.body.palm("left"), BACK_M), speed=0.05)
 
 
-def surround_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
-    """Bring the open left hand to the free end and around it, with a box that may move, and wait until it rests."""
-    body = work.body
-    work.phase = "travel"
+def _postures(work: Work, grip: Grip) -> tuple[Vector, Vector]:
+    """Return the left arm's postures (7) at the pre-grasp and the grasp of a box at rest."""
     X_grasp = work.sight.X_world_box @ grip.X_box_palm
     touching = (("left_hand", "held"), ("left_hand", "right_hand"))
     q_grasp = work.posture("left", X_grasp, work.collision(touching) if work.sight.obstacles else None)
@@ -74,6 +77,28 @@ def surround_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
     q_start = work.posture("left", back_off(X_grasp, PREGRASP_M), near=q_grasp)
     if q_start is None:
         raise work.no_way("the left hand's pre-grasp")
+    return q_start, q_grasp
+
+
+def _following(work: Work, grip: Grip) -> tuple[Vector, Vector] | None:
+    """Return such postures from which the left arm can follow a box that moves, None for a box at rest or if it cannot.
+
+    A posture chosen for the middle of the sweep alone may meet a joint limit at its ends.
+    """
+    if not work.carry.moves:
+        return None
+    boxes = sweep(work.sight.X_world_box, work.carry)
+    palms = [X @ back_off(grip.X_box_palm, PREGRASP_M) for X in boxes] + [X @ grip.X_box_palm for X in boxes]
+    base, near = work.cell.X_world_base["left"], work.body.asked_arm("left")
+    chain = posture_chain("left", base, np.array(palms), near)
+    return None if chain is None else (chain[0], chain[len(boxes)])
+
+
+def surround_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
+    """Bring the open left hand to the free end and around it, with a box that may move, and wait until it rests."""
+    body = work.body
+    work.phase = "travel"
+    q_start, q_grasp = _following(work, grip) or _postures(work, grip)
     yield from lead_fingers(body, "left", grip.preshape)
     yield from work.travel("left", q_start)
     body.prefer_posture("left", q_grasp)
