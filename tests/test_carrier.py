@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from preshape.control.body import Body
-from preshape.control.carrier import Carrier, CarryOptions
+from preshape.control.carrier import Carrier, CarryOptions, sweep
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import RobotState
 from preshape.hal.transform import inverse, log_so3, transform
@@ -106,3 +106,14 @@ def test_what_is_seen_corrects_what_is_commanded() -> None:
 def test_speeds_out_of_range_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="allowed is"):
         CarryOptions(**bad)
+
+
+def test_a_sweep_covers_every_place_the_box_is_led_to() -> None:
+    options = CarryOptions(speed=0.05, turn_speed=0.35)
+    poses, _ = swing(options, 8.0)
+    ends = sweep(poses[0], options)
+    for index in ((2, 3), (1, 0)):
+        reached, covered = [X[index] for X in poses], [X[index] for X in ends]
+        assert max(covered) >= max(reached) - 1e-3 and min(covered) <= min(reached) + 1e-3
+        assert np.ptp(covered) <= 1.3 * np.ptp(reached), "and not much more"
+    np.testing.assert_allclose(ends[0], ends[-1])
