@@ -15,6 +15,8 @@ from preshape.hal.remote_calls import STREAMS, Question, Reply, decode_reply, en
 
 ANSWER_S = 5.0
 """Longest time until an answer, s."""
+SLOW_ANSWERS_S = {"finish": 60.0}
+"""The same for what takes longer."""
 
 
 class RemoteLine:
@@ -69,8 +71,9 @@ class RemoteLine:
         """Ask and return the answer's JSON and what is attached to it; `DeviceUnreachable` if none comes."""
         if self.gone.is_set():
             raise DeviceUnreachable(f"{self._root}: its server has gone")
+        within_s = SLOW_ANSWERS_S.get(call, ANSWER_S)
         answers = self._session.get(
-            f"{self._root}/call/{call}", payload=self._question(reason, arguments or {}), timeout=ANSWER_S,
+            f"{self._root}/call/{call}", payload=self._question(reason, arguments or {}), timeout=within_s,
             priority=zenoh.Priority.REAL_TIME,
         )  # fmt: skip
         for answer in answers:
@@ -78,7 +81,7 @@ class RemoteLine:
                 attached = answer.ok.attachment
                 return answer.ok.payload.to_bytes(), b"" if attached is None else attached.to_bytes()
         raise DeviceUnreachable(
-            f"{self._root}: no answer to {call} within {ANSWER_S:g} s; is `preshape serve` running?"
+            f"{self._root}: no answer to {call} within {within_s:g} s; is `preshape serve` running?"
         )
 
     def close(self) -> None:

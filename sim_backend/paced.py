@@ -39,7 +39,7 @@ from preshape.sim_backend.scene import build_scene, camera_model
 from preshape.sim_backend.sensors import SceneSensors
 from preshape.sim_backend.shared_block import Record, SharedBlock, shared_bytes
 
-START_S = 60.0
+START_S = 180.0
 """Longest time that both processes may take to be ready, s."""
 ANSWER_S = 5.0
 
