@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, Footer, McapRecord, Message, Metad
 from mcap.stream_reader import CRCValidationError, StreamReader
 from numpy.typing import NDArray
 
-from preshape.hal.answers import AnyAnswer, decode_answer
+from preshape.hal.answers import AnyAnswer, ImageAnswer, decode_answer
 from preshape.hal.cdr import decode_image, decode_record
 from preshape.hal.recording_topics import ANSWER_TOPIC, GAP, IMAGE_TOPIC, SETUP, TICK_TOPIC
 from preshape.hal.tick_record import TICK, TickRecord
@@ -35,7 +35,8 @@ class Recording:
         answers: of its perception, in order.
         images: pixels (height, width) by the call that took them.
         complete: whether the file was finished; if not, its writer was killed.
-        gap: the first tick before which ticks are missing, None if there is no gap.
+        gap: the first tick before which ticks are missing, None if there is no gap; `lost` how many are.
+        wall_offset_ns: what the loop's clock lacks to Unix time.
     """
 
     setup: bytes
@@ -44,6 +45,12 @@ class Recording:
     images: dict[int, NDArray[np.uint8]]
     complete: bool
     gap: int | None = None
+    lost: int = 0
+    wall_offset_ns: int = 0
+
+    def pixels(self, answer: AnyAnswer) -> NDArray[np.uint8] | None:
+        """Return what belongs to an answer that is an image, None for any other."""
+        return self.images.get(answer.call) if isinstance(answer, ImageAnswer) else None
 
 
 def read_recording(path: Path) -> Recording:
@@ -57,7 +64,7 @@ def read_recording(path: Path) -> Recording:
     answers: list[AnyAnswer] = []
     images: dict[int, NDArray[np.uint8]] = {}
     topics: dict[int, str] = {}
-    complete, gap = False, None
+    complete, gap, lost, wall_offset_ns = False, None, 0, 0
     try:
         for record in _records(path):
             if isinstance(record, Channel):
@@ -66,10 +73,12 @@ def read_recording(path: Path) -> Recording:
                 setup = record.data
             elif isinstance(record, Metadata) and record.name == GAP:
                 gap = int(record.metadata["before"]) if gap is None else gap
+                lost += int(record.metadata["lost"])
             elif isinstance(record, Message):
                 topic = topics.get(record.channel_id)
                 if topic == TICK_TOPIC:
                     ticks.append(decode_record(record.data, TICK))
+                    wall_offset_ns = record.log_time - int(ticks[-1]["now_ns"])
                 elif topic == ANSWER_TOPIC:
                     answers.append(decode_answer(record.data))
                 elif topic == IMAGE_TOPIC:
@@ -81,7 +90,7 @@ def read_recording(path: Path) -> Recording:
         raise RecordingError(f"{path}: no recording of this version: {type(error).__name__}: {error}") from error
     if setup is None:
         raise RecordingError(f"{path}: no recording: it lacks the attachment {SETUP}")
-    return Recording(setup, np.array(ticks, TICK), tuple(answers), images, complete, gap)
+    return Recording(setup, np.array(ticks, TICK), tuple(answers), images, complete, gap, lost, wall_offset_ns)
 
 
 def _records(path: Path) -> Iterator[McapRecord]:

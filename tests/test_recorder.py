@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from preshape.hal.answers import encode_answer
 from preshape.hal.recording import RecordingError, read_recording
 from preshape.hal.recording_file import RecordingFile
 from preshape.hal.tick_record import TICK
+from preshape.tools.recording_repair import complete_recording
 
 WORKER = Path(__file__).with_name("recorded_process.py")
 RERUN = (sys.executable, "-m", "rerun")
@@ -64,6 +66,12 @@ def test_what_a_killed_recorder_has_written_is_read_back_but_for_the_last_second
     assert not recording.complete
     assert at_ns - int(recording.ticks["now_ns"][-1]) < 1.0e9
     assert {answer.call for answer in recording.answers} >= set(recording.ticks["tick"].tolist())
+    assert complete_recording(tmp_path).ticks.tobytes() == recording.ticks.tobytes()
+    again = read_recording(tmp_path / "recording.mcap")
+    assert again.complete and again.ticks.tobytes() == recording.ticks.tobytes() and again.setup == recording.setup
+    assert [encode_answer(answer) for answer in again.answers] == [encode_answer(a) for a in recording.answers]
+    assert passes("mcap", "check", str(tmp_path / "recording.mcap"))
+    assert passes("rrd", "verify", str(tmp_path / "recording.rrd"))
 
 
 def write_ticks(path: Path, count: int) -> bytes:

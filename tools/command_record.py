@@ -33,6 +33,7 @@ class Options:
         zenoh_config: a Zenoh configuration file in the endpoint's stead.
         within_s: how long to wait for the robot, s.
         seconds: end after so long; 0 does not.
+        complete: a run's folder whose recorder was killed: its recordings are made whole instead.
     """
 
     out: Path | None = None
@@ -41,6 +42,7 @@ class Options:
     zenoh_config: Path | None = None
     within_s: float = 10.0
     seconds: float = 0.0
+    complete: Path | None = None
 
     def __post_init__(self) -> None:
         for flag, value in (("--within-s", self.within_s), ("--seconds", self.seconds)):
@@ -50,6 +52,8 @@ class Options:
 
 def execute(options: Options) -> int:
     """Record until it ends; return the exit code."""
+    if options.complete is not None:
+        return _complete(options.complete)
     from preshape.tools.robot_reach import listening
     from preshape.tools.run_directory import make_directory
     from preshape.tools.telemetry_keys import Keys
@@ -61,6 +65,15 @@ def execute(options: Options) -> int:
         count = _record(options, listener, directory)
     print(f"{count} messages")
     print(directory)
+    return ExitCode.DONE
+
+
+def _complete(directory: Path) -> int:
+    from preshape.tools.recording_repair import complete_recording
+
+    recording = complete_recording(directory)
+    state = "was whole" if recording.complete else "is whole again"
+    print(f"{directory}: {state}, {len(recording.ticks)} ticks")
     return ExitCode.DONE
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from preshape.hal.answers import AnyAnswer, ImageAnswer
+from preshape.hal.answers import AnyAnswer
 from preshape.hal.recording import Recording, read_recording
 from preshape.hal.tick_record import TickRecord
 from preshape.tools.replay_setup import recorded_setup
@@ -30,7 +30,7 @@ class RecordingDrawer:
         setup = recorded_setup(recording)
         self._content = RerunContent(stream, setup.cell, setup.box)
         self._answers: deque[AnyAnswer] = deque(recording.answers)
-        self._images = recording.images
+        self._recording = recording
         self._block: list[TickRecord] = []
 
     def notify(self, record: TickRecord) -> None:
@@ -43,8 +43,7 @@ class RecordingDrawer:
         """Draw records (n,), n >= 1."""
         while self._answers and self._answers[0].now_ns <= int(records["now_ns"][-1]):
             answer = self._answers.popleft()
-            pixels = self._images.get(answer.call) if isinstance(answer, ImageAnswer) else None
-            self._content.add_answer(answer, pixels)
+            self._content.add_answer(answer, self._recording.pixels(answer))
         self._content.add_ticks(records)
         self._content.flush()
 
