@@ -28,7 +28,7 @@ from preshape.hal.state import DeviceStatus, Mode, RobotCommand
 from preshape.sim_backend.bare_robot import BareRobot
 from preshape.sim_backend.module_rack import ModuleRack
 
-FRAMES_A_CYCLE = 100
+FRAMES_A_CYCLE = 1000
 """Random frames at each end of each bus in each cycle."""
 MOST_MOTION_RAD = 0.01
 PERIOD_NS = 2_000_000
@@ -193,7 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def told(fed: int) -> None:
-        if fed % 600_000 == 0:
+        if fed % 240_000 == 0:
             print(f"{fed:,} frames", file=sys.stderr, flush=True)
 
     result = fuzz(options.frames, options.seed, told)
