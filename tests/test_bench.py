@@ -146,7 +146,7 @@ def test_units_are_read_from_names(name: str, unit: str) -> None:
 def test_json_carries_bars_beside_figures() -> None:
     assert json.loads(as_json({"tick": {"tick_us": 901.0}}))["tick"] == {
         "figures": {"tick_us": 901.0},
-        "bars": {"tick_us": "<= 900", "scipy_lp_over_l1": ">= 1000"},
+        "bars": {"tick_us": "<= 900", "telemetry_us": "<= 15", "scipy_lp_over_l1": ">= 1000"},
         "missed": ["tick_us"],
     }
 
