@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import Vector
-from preshape.tools.wire_rules import STOP_S, Positions, Violation
+from preshape.tools.wire_rules import Positions, Violation, stop_limit_s
 from preshape.tools.wire_table import FrameTable
 
 SEQUENCES = 1 << 16
 """Sequence numbers wrap here; less than half of it ahead is newer."""
 BURST = 10
 """So many commands in a row ..."""
-BURST_PERIODS = 8.0
-"""... take at least so many periods: a late one may be followed by one on time, but nothing is caught up."""
+BURST_PERIODS = 7.0
+"""... take at least so many periods: late ones may be followed by some on time, but nothing is caught up."""
 REMEMBERED = 256
 """So many commands back a module may answer."""
 
@@ -92,7 +92,7 @@ class CommandRules:
         stopped_s, stopped_session = self._stopped
         if session != stopped_session:
             self._stopped = None
-        elif time_s - stopped_s > STOP_S:
+        elif time_s - stopped_s > stop_limit_s(self._period_s):
             yield self._broken(time_s, "stop", f"session {session:#x} goes on {time_s - stopped_s:.3f} s after a stop")
 
     def _torque_limit(self, time_s: float, data: bytes, enabled: Flags) -> Iterator[Violation]:

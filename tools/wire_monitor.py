@@ -63,14 +63,14 @@ class WireMonitor:
         self._damaged = self._errors = 0
         self._violations: list[Violation] = []
         self._channels: dict[str, object] = {}
-        positions = Positions()
+        positions = Positions(period_s)
         self._commands = {
             table.owner: CommandRules(table, positions, period_s)
             for table in self._tables.values()
             if table.kind == "command"
         }
         self._states = {
-            table.owner: StateRules(table, positions, self._commands[_group_of(table, self._tables)])
+            table.owner: StateRules(table, positions, self._commands[_group_of(table, self._tables)], period_s)
             for table in self._tables.values()
             if table.kind == "state"
         }

@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 
 from preshape.hal.state import Vector
 
-STOP_S = 0.020
-"""After a quick stop nothing armed reports, and no motion is commanded, later than this (5 cycles + 10 ms), s."""
-REPORT_S = 0.020
-"""The first target equals a position that was reported within this time before it, s."""
+STOP_CYCLES, STOP_S = 5, 0.010
+"""After a quick stop nothing is armed, and no motion is commanded, later than so many periods and this time, s."""
+REPORT_CYCLES = 10
+"""The first target equals a position that was reported within so many periods before it."""
+
+
+def stop_limit_s(period_s: float) -> float:
+    """Return how long after a quick stop something may still move, when commands come every period, s."""
+    return STOP_CYCLES * period_s + STOP_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +37,15 @@ class Violation:
 class Positions:
     """What has been reported of every joint of late: the only positions that a first command may have."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float) -> None:
+        """Expect reports every period."""
+        self._window_s = REPORT_CYCLES * period_s
         self._reported: deque[tuple[float, NDArray[np.int64], Vector]] = deque()
 
     def add(self, time_s: float, indices: NDArray[np.int64], position: Vector) -> None:
         """Take a module's positions (n,), of the joints with these places in the layout."""
         self._reported.append((time_s, indices, position))
-        while self._reported[0][0] < time_s - REPORT_S:
+        while self._reported[0][0] < time_s - self._window_s:
             self._reported.popleft()
 
     def nearest_error(self, time_s: float, index: int, target: float) -> float:
@@ -46,6 +53,6 @@ class Positions:
         errors = [
             abs(target - float(position[list(indices).index(index)]))
             for reported_s, indices, position in self._reported
-            if index in indices and time_s - reported_s <= REPORT_S
+            if index in indices and time_s - reported_s <= self._window_s
         ]
         return min(errors, default=np.inf)

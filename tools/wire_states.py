@@ -9,7 +9,7 @@ import numpy as np
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import Vector
 from preshape.tools.wire_commands import CommandRules
-from preshape.tools.wire_rules import STOP_S, Positions, Violation
+from preshape.tools.wire_rules import Positions, Violation, stop_limit_s
 from preshape.tools.wire_table import FrameTable
 
 TORQUE_RATIO, TORQUE_S = 1.2, 0.010
@@ -19,8 +19,9 @@ TORQUE_RATIO, TORQUE_S = 1.2, 0.010
 class StateRules:
     """Of one module's states: torque, the sequence they echo, and that nothing is armed that was not told to be."""
 
-    def __init__(self, table: FrameTable, positions: Positions, commands: CommandRules) -> None:
-        """Judge the states that a table describes, of a module that obeys a group's commands."""
+    def __init__(self, table: FrameTable, positions: Positions, commands: CommandRules, period_s: float) -> None:
+        """Judge the states that a table describes, of a module that obeys a group's commands, one every period."""
+        self._stop_s = stop_limit_s(period_s)
         self._table, self._positions, self._commands = table, positions, commands
         self._position, self._torque = table.columns["position"], table.columns["torque"]
         self._indices = self._position.indices
@@ -49,7 +50,7 @@ class StateRules:
         armed = self._table.word("state", data) == "armed"
         if armed and not self._armed and not self._told:
             yield self._broken(time_s, "arming", "armed without being told to")
-        if armed and self._stopped_s is not None and time_s - self._stopped_s > STOP_S and not self._said:
+        if armed and self._stopped_s is not None and time_s - self._stopped_s > self._stop_s and not self._said:
             self._said = True
             yield self._broken(time_s, "stop", f"still armed {time_s - self._stopped_s:.3f} s after a quick stop")
         if not armed:
