@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
@@ -49,6 +50,8 @@ QUERIES = 64
 """Most queries answered between two looks at the ring."""
 SILENT_S = 0.25
 """A paced loop that has written nothing for so long is silent, s."""
+URGENCY = -10
+"""What is added to the process's niceness where the user may."""
 LINGER_S = 0.2
 """How long the session stays open after the last message, s, so that it leaves."""
 
@@ -82,6 +85,9 @@ def run_bridge(config: TelemetryConfig, facts: RobotFacts, reader: int, memory: 
     """Publish until the run has ended. Says "" to `life` when it is ready, or in one line why it will never be."""
     # Ctrl-C reaches every process of a terminal: how the run ends is the loop's to say.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A stop must come through on a busy machine; everything in real time still goes first.
+    with suppress(PermissionError):
+        os.nice(URGENCY)
     keys = Keys(config.robot)
     try:
         session = open_session(robot_settings(config.endpoint, [keys.of("**")]), config.zenoh_config)
