@@ -9,6 +9,7 @@ from preshape.planner.component import surviving
 
 _Ways = dict[int, tuple[int, ...]]
 """Possible region of a grasp -> an order of its subtree that gives it."""
+_Choice = tuple[int, tuple[int, ...], tuple[int, ...]]
 
 
 class GraspSpan(NamedTuple):
@@ -81,34 +82,32 @@ class GraspForest:
 
         `taken` is the parent's region if the parent goes first, else 0.
         """
-        key = (index, parent, taken)
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = self._found(index, parent, taken)
-        return found
-
-    def _found(self, index: int, parent: int, taken: int) -> _Ways:
-        span = self._spans[index]
+        span, meets = self._spans[index], self._meets[index]
         start = span.free & ~taken
         if not surviving(start) & span.allowed:
             return {}
-        children = [child for child in self._meets[index] if child != parent]
-        if not children:
+        if meets == [parent]:
             return {start: (index,)}
-        # Region and children that go after this grasp -> the order of all that goes before it.
-        choices: dict[tuple[int, tuple[int, ...]], tuple[int, ...]] = {(start, ()): ()}
+        found = self._known.get((index, parent, start))
+        if found is None:
+            children = [child for child in meets if child != parent]
+            found = self._known[index, parent, start] = self._found(index, start, children)
+        return found
+
+    def _found(self, index: int, start: int, children: list[int]) -> _Ways:
+        allowed = self._spans[index].allowed
+        # Regions, with the children that go after this grasp and the order of all that goes before it.
+        choices: list[_Choice] = [(start, (), ())]
         for child in children:
             above = self._ways(child, index, 0)
-            longer: dict[tuple[int, tuple[int, ...]], tuple[int, ...]] = {}
-            for (region, after), before in choices.items():
-                longer[region, (*after, child)] = before
-                for mask, order in above.items():
-                    left = region & ~mask
-                    if surviving(left) & span.allowed:
-                        longer.setdefault((left, after), (*before, *order))
+            longer: list[_Choice] = [(region, (*after, child), before) for region, after, before in choices]
+            for mask, order in above.items():
+                for region, after, before in choices:
+                    if surviving(region & ~mask) & allowed:
+                        longer.append((region & ~mask, after, (*before, *order)))
             choices = longer
         found = _Ways()
-        for (region, after), before in choices.items():
+        for region, after, before in choices:
             below = None if region in found else self._below(index, region, after)
             if below is not None:
                 found[region] = (*before, index, *below)
