@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.control.touch import FROZEN_TICKS, Flags
+from preshape.control.touch import Flags, count_same
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import Vector
 
@@ -21,9 +21,9 @@ class SensorWatch:
 
     def update(self, torque: Vector) -> tuple[str, ...]:
         """Take this tick's torques (40,), N m; return the names of joints found frozen for the first time."""
-        self._same = np.where(torque == self._last, self._same + 1, 0)
-        self._last = torque.copy()
-        self.frozen = self._same >= FROZEN_TICKS
+        count_same(torque, self._last, self._same, self.frozen)
+        if not self.frozen.any():
+            return ()
         fresh = [joint for joint in np.flatnonzero(self.frozen).tolist() if joint not in self._named]
         self._named.update(fresh)
         return tuple(LAYOUT.names[joint] for joint in fresh)

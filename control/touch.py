@@ -43,7 +43,7 @@ class TouchSense:
 
     def update(self, velocity: Vector, torque: Vector) -> None:
         """Take this tick's joint velocities (13), rad/s, and torques (13), N m."""
-        _count_same(torque, self._last, self._same, self.frozen)
+        count_same(torque, self._last, self._same, self.frozen)
         if self._samples < BIAS_TICKS:
             self._samples += 1
             self._bias += (torque - self._bias) / self._samples
@@ -52,7 +52,8 @@ class TouchSense:
 
 
 @compiled
-def _count_same(torque: Vector, last: Vector, same: NDArray[np.int64], frozen: Flags) -> None:
+def count_same(torque: Vector, last: Vector, same: NDArray[np.int64], frozen: Flags) -> None:
+    """Count in place for how many ticks each torque has been the same, and mark those that are dead."""
     for j in range(len(torque)):
         same[j] = same[j] + 1 if torque[j] == last[j] else 0
         last[j] = torque[j]

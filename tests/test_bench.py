@@ -117,6 +117,7 @@ def test_areas_are_reported_as_plain_figures() -> None:
     figures = area_figures(3)
     assert figures["cases"] == 3 and figures["differences"] == 0
     assert figures["areas_committed_median_us"] > 0
+    assert set(BENCHES["areas"].bars) <= set(figures)
 
 
 def test_an_unknown_benchmark_is_refused_by_name() -> None:
