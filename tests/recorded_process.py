@@ -22,8 +22,8 @@ from preshape.tools.run_options import RunOptions
 def main(directory: Path) -> None:
     """Record until killed."""
     with Recorder(directory) as recorder:
-        recorder.start(setup_of(Scenario(name="test").drawn(0), RunOptions(paced=True)))
-        recorder.ready()
+        recorder.start(paced=True)
+        recorder.begin(setup_of(Scenario(name="test").drawn(0), RunOptions(paced=True)))
         print("ready", flush=True)
         record = new_record()
         for tick in range(10**6):

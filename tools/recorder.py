@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import time
 from multiprocessing.process import BaseProcess
-from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +18,12 @@ from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.hal.waiting_ring import WaitingRingWriter
 from preshape.tools.answer_pack import pack
 from preshape.tools.controller_setup import ControllerSetup, encode_setup
-from preshape.tools.recorder_process import READER, Recorded, run_recorder
+from preshape.tools.recorder_process import READER, Beginning, run_recorder
 
 READY_S = 60.0
 """Longest time until the process is ready, s."""
+PATIENCE_S = 30.0
+"""How long a run in lockstep waits for a process that takes nothing, s."""
 FINISH_S = 120.0
 """Longest time that it may take to write what is left, s."""
 
@@ -31,11 +32,10 @@ FILES = {"recording": "recording.rrd", "inputs": "recording.mcap"}
 
 
 class Recorder:
-    """An observer, and the listener of a `RecordedPerception`: `start`, `ready`, the run; leaving it ends them.
+    """An observer, and the listener of a `RecordedPerception`: `start`, `begin`, the run; leaving it ends them.
 
     In lockstep the run waits for the recorder when that is slower; in a paced run nothing waits, and what could not
-    be handed over is a gap in the recording. When the run is killed, the recorder completes its
-    files.
+    be handed over is a gap in the recording. When the run is killed, the recorder completes its files.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -44,34 +44,45 @@ class Recorder:
         self._process: BaseProcess | None = None
         self._ticks: RingWriter | WaitingRingWriter | None = None
         self._answers: ByteWriter | None = None
-        self._is_ready: Event | None = None
 
-    def start(self, setup: ControllerSetup) -> None:
-        """Start the process that writes; returns at once."""
+    def start(self, paced: bool) -> None:
+        """Start the process that writes and wait until it is up: before the world is, whose time would go on.
+
+        Raises:
+            DeviceUnreachable: it does not come up.
+        """
         context = multiprocessing.get_context("spawn")
         ticks, answers = ring_memory(context), ring_memory(context, CAPACITY, PIECE)
-        if setup.paced:
+        if paced:
             self._ticks, pieces = RingWriter(ticks), RingWriter(answers, PIECE)
         else:
-            self._ticks, pieces = WaitingRingWriter(ticks, FINISH_S), WaitingRingWriter(answers, FINISH_S, PIECE)
+            self._ticks, pieces = WaitingRingWriter(ticks, PATIENCE_S), WaitingRingWriter(answers, PATIENCE_S, PIECE)
             for writer in (self._ticks, pieces):
                 writer.keep_for(READER)
         self._answers = ByteWriter(pieces)
-        self._is_ready = context.Event()
-        # Paced runs live on the machine's clock, the others begin at zero.
-        wall_ns = time.time_ns() - (time.monotonic_ns() if setup.paced else 0)
-        job = Recorded(str(self._directory), encode_setup(setup), wall_ns)
+        ready = context.Event()
         self._process = context.Process(
-            name="recorder", target=run_recorder, args=(job, ticks, answers, self._is_ready), daemon=True
+            name="recorder", target=run_recorder, args=(str(self._directory), ticks, answers, ready), daemon=True
         )
         self._process.start()
-
-    def ready(self) -> None:
-        """Wait until the process takes what is handed over; `DeviceUnreachable` if it does not come up."""
         deadline_s = time.monotonic() + READY_S
-        while self._is_ready is not None and not self._is_ready.wait(0.1):
-            if self._process is None or not self._process.is_alive() or time.monotonic() > deadline_s:
+        while not ready.wait(0.1):
+            if not self._process.is_alive() or time.monotonic() > deadline_s:
                 raise DeviceUnreachable("recorder process: did not come up")
+
+    def begin(self, setup: ControllerSetup) -> None:
+        """Say what the controller is given, before it asks anything or ticks: the files begin with it."""
+        if self._answers is not None:
+            # Paced runs live on the machine's clock, the others begin at zero.
+            wall_offset_ns = time.time_ns() - (time.monotonic_ns() if setup.paced else 0)
+            self._answers.send(Beginning(wall_offset_ns, encode_setup(setup)).packed())
+
+    @property
+    def note(self) -> str:
+        """What went wrong with the process so far, in one line; empty if nothing did."""
+        if self._process is None or self._process.exitcode in (None, 0):
+            return ""
+        return f"recorder: its process ended with exit code {self._process.exitcode}"
 
     def notify(self, record: TickRecord) -> None:
         """Hand over one tick."""

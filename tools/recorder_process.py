@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import struct
 import threading
 import time
 from dataclasses import dataclass
@@ -30,15 +31,23 @@ NICENESS = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
-    """What is recorded: the folder, the controller's setup as JSON, and what the loop's clock lacks to Unix time."""
+class Beginning:
+    """What a recording begins with: what the loop's clock lacks to Unix time, and the controller's setup as JSON."""
 
-    directory: str
-    setup: bytes
     wall_offset_ns: int
+    setup: bytes
+
+    def packed(self) -> bytes:
+        """Return it as one message: the first one for the process."""
+        return struct.pack("<q", self.wall_offset_ns) + self.setup
+
+    @classmethod
+    def unpacked(cls, message: bytes) -> Beginning:
+        """Return what `packed` has packed."""
+        return cls(struct.unpack_from("<q", message)[0], message[8:])
 
 
-def run_recorder(job: Recorded, ticks: RingMemory, answers: RingMemory, ready: Event) -> None:
+def run_recorder(directory: str, ticks: RingMemory, answers: RingMemory, ready: Event) -> None:
     """Write until the run says that it has ended, or its process is gone; what it has handed over is kept."""
     from preshape.tools.controller_setup import decode_setup
     from preshape.tools.rerun_content import RerunContent
@@ -47,28 +56,55 @@ def run_recorder(job: Recorded, ticks: RingMemory, answers: RingMemory, ready: E
 
     # Ctrl-C is for the run, which then ends the recording; who is terminated beside it completes its files first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    terminated = threading.Event()
-    signal.signal(signal.SIGTERM, lambda number, frame: terminated.set())
+    life = _Life()
     os.nice(NICENESS)
-    directory, setup = Path(job.directory), decode_setup(job.setup)
-    file = RecordingFile(directory / "recording.mcap", job.setup, job.wall_offset_ns)
-    stream = RerunStream.to_file(directory / "recording.rrd", blueprint())
+    tick_reader, answer_reader = RingReader(ticks, READER), ByteReader(RingReader(answers, READER, PIECE))
+    ready.set()
+    first = _first_message(tick_reader, answer_reader, life)
+    if not first:
+        return
+    beginning = Beginning.unpacked(first[0])
+    setup = decode_setup(beginning.setup)
+    file = RecordingFile(Path(directory, "recording.mcap"), beginning.setup, beginning.wall_offset_ns)
+    stream = RerunStream.to_file(Path(directory, "recording.rrd"), blueprint())
     picture = RerunContent(stream, setup.cell, setup.box)
     try:
-        ready.set()
-        _copy(RingReader(ticks, READER), ByteReader(RingReader(answers, READER, PIECE)), file, picture, terminated)
+        for answer, pixels in map(unpack, first[1:]):
+            file.add_answer(answer, pixels)
+            picture.add_answer(answer, pixels)
+        _copy(tick_reader, answer_reader, file, picture, life)
     finally:
         file.close()
         picture.close()
 
 
-def _copy(
-    ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: RerunContent, terminated: threading.Event
-) -> None:
-    run = multiprocessing.parent_process()
+class _Life:
+    """Whether the run that is recorded may still have something to say."""
+
+    def __init__(self) -> None:
+        self._run = multiprocessing.parent_process()
+        self._terminated = threading.Event()
+        signal.signal(signal.SIGTERM, lambda number, frame: self._terminated.set())
+
+    @property
+    def goes_on(self) -> bool:
+        return self._run is not None and self._run.is_alive() and not self._terminated.is_set()
+
+
+def _first_message(ticks: RingReader, answers: ByteReader, life: _Life) -> list[bytes]:
+    """Return the messages from the first one on; none when the run has ended before it began."""
+    while True:
+        goes_on = life.goes_on
+        messages = answers.read()
+        if messages or not goes_on or ticks.ended:
+            return messages
+        time.sleep(NAP_S)
+
+
+def _copy(ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: RerunContent, life: _Life) -> None:
     lost, flushed_s = 0, time.monotonic()
     while True:
-        goes_on = run is not None and run.is_alive() and not terminated.is_set()
+        goes_on = life.goes_on
         # Ticks first: every answer that they rest on is in the other ring by now, and is written before them.
         records = ticks.read()
         for answer, pixels in map(unpack, answers.read()):

@@ -101,12 +101,12 @@ def run_session(
         require_reachable(asked)
         prepare_kernels(scenario, seed, asked)
     wire = _wire_watch(asked, drawn.seed)
+    if recorder is not None and cause is None:
+        recorder.start(asked.in_real_time)
     with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log, wire) as world:
         if live is not None and live.waits_for_start:
             options = await_start(live.orders, options)
         setup = setup_of(drawn, options)
-        if recorder is not None and cause is None:
-            recorder.start(setup)
         listeners = [part.hear for part in (recorder, live) if part is not None]
         course = _prepare(world, setup, watching, listeners)
         if live is not None:
@@ -121,12 +121,12 @@ def run_session(
             if options.pictures:
                 watching.add(evidence.keep_pictures(world.scene_positions))
             if recorder is not None:
-                recorder.ready()
+                recorder.begin(setup)
                 watching.add(recorder)
             _run(course, world.clock, options.in_real_time)
         finished = world.finish()
-        if live is not None and live.note:
-            course.controller.work.notes.append(live.note)
+        parts = [part.note for part in (live, recorder) if part is not None]
+        course.controller.work.notes += [note for note in parts if note]
     remember_signatures()
     until_task = min(options.until_task, len(finished.verdict.tasks))
     ended = replace(finished, verdict=replace(finished.verdict, until_task=until_task))
