@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from preshape.control.failure import TaskFailed
 from preshape.control.field import FieldOptions
 from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
+from preshape.control.let_go import let_go
 from preshape.control.motions import Motion
 from preshape.control.opening_frame import opening_frame
 from preshape.control.opening_motion import HandWaypoint, open_motion, push_motion
@@ -83,7 +85,7 @@ class BoxOpening(ProcedureControl):
         opening = self.work.opening
         assert opening is not None
         end = self._held_end()
-        yield from self.task(3, regrasp(self.work, self.guide, end))
+        yield from self.grasped(3, lambda: regrasp(self.work, self.guide, end), self._let_go_left, self._right_holds)
         if self.until_task < 4:
             return
         toward = self._toward(opening)
@@ -99,11 +101,10 @@ class BoxOpening(ProcedureControl):
         Opened as it is, both hands would have straight fingers on the same face, long enough for their tips to meet.
         """
         work = self.work
-        yield from self.task(1, stand_up(work))
         likely: Face | None = None
         unseen: list[Face] = list(work.box.candidate_faces)
         for _ in range(GRASPS):
-            yield from self.task(1, grasp_box(work, self.guide, likely, self._place))
+            yield from self.grasped(1, partial(self._take, likely), lambda: let_go(work, "right"))
             if self.until_task == 1:
                 return
             face = shown_face(work.grips["right"])
@@ -118,6 +119,19 @@ class BoxOpening(ProcedureControl):
             work.notes.append(f"opening not on {face}: put back to be taken the other way round")
             yield from put_back(work)
         raise TaskFailed("unseen: the opening area was found on none of " + ", ".join(work.box.candidate_faces))
+
+    def _take(self, likely: Face | None) -> Motion:
+        """Stand the box up if it lies, and take it."""
+        yield from stand_up(self.work)
+        yield from grasp_box(self.work, self.guide, likely, self._place)
+
+    def _let_go_left(self) -> Motion:
+        """Take the left hand off a box that it has missed; the right hand holds firmly again."""
+        self.work.hands["right"].ease(1.0)
+        yield from let_go(self.work, "left")
+
+    def _right_holds(self) -> bool:
+        return self.work.sight.held_by == "right"
 
     def _held_end(self) -> Face:
         """Return the end cap in the right palm."""

@@ -8,6 +8,7 @@ from preshape.control.carrier import CarryOptions
 from preshape.control.field import FieldOptions
 from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
+from preshape.control.let_go import let_go
 from preshape.control.motions import Motion
 from preshape.control.procedure_control import ProcedureControl
 from preshape.control.sight import Sight
@@ -45,7 +46,8 @@ class ObjectLift(ProcedureControl):
         super().__init__(names, work, FieldGuide(body, sight, box, target, options or FieldOptions()), until_task)
 
     def procedure(self) -> Motion:
-        """Grasp and lift, then hold if that is asked for."""
-        yield from self.task(1, lift_object(self.work, self.guide))
+        """Grasp and lift, then hold if that is asked for; a missed grasp is tried again."""
+        work = self.work
+        yield from self.grasped(1, lambda: lift_object(work, self.guide), lambda: let_go(work, "right"))
         if self.until_task == 2:
-            yield from self.task(2, hold_object(self.work))
+            yield from self.task(2, hold_object(work))

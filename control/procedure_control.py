@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -21,6 +21,10 @@ from preshape.hal.tick_record import TickRecord, note_opening, note_progress
 from preshape.hal.world import PoseSample
 
 T = TypeVar("T")
+ATTEMPTS = 3
+"""How often a grasp is tried, the first time included."""
+RETRIED = ("missed", "slipped", "moved")
+"""Classes of cause after which a grasp is tried again."""
 PHASE_S = 60.0
 """Longest time of a phase, s; the slowest, a long path for a held box, takes a third of it."""
 REST_S = 0.8
@@ -119,6 +123,27 @@ class ProcedureControl(ABC):
         result = yield from motion
         log.outcome, log.end_s = "done", self._now_s()
         return result
+
+    def grasped(
+        self,
+        number: int,
+        grasp: Callable[[], Generator[None, None, T]],
+        let_go: Callable[[], Motion],
+        is_open: Callable[[], bool] = lambda: True,
+    ) -> Generator[None, None, T]:
+        """Run a task that grasps; a grasp that misses or slips is let go and tried again from a new look and plan.
+
+        `is_open` tells whether another try is still possible. The last try's cause is the task's.
+        """
+        for left in reversed(range(ATTEMPTS)):
+            try:
+                return (yield from self.task(number, grasp()))
+            except TaskFailed as failed:
+                if not left or failed.kind not in RETRIED or not is_open():
+                    raise
+                self.work.notes.append(f"task {number}, attempt {self._log().attempts}: {failed.cause}; tried again")
+            yield from let_go()
+        raise AssertionError("the last try returns or raises")
 
     def _run(self) -> Motion:
         try:

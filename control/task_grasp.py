@@ -147,14 +147,20 @@ def aim(
 
 def surround(work: Work, guide: FieldGuide, choice: GraspChoice) -> Motion:
     """Bring the open hand to the box and around it; `TaskFailed` moved: the box is seen elsewhere meanwhile."""
-    jumps = work.sight.jumps
     work.phase = "travel"
-    for _ in come_near(work, guide, choice):
+    yield from while_it_stays(work, come_near(work, guide, choice))
+    work.phase = "insert"
+    coming = insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm_insert, choice.grip.preshape)
+    yield from while_it_stays(work, coming)
+
+
+def while_it_stays(work: Work, motion: Motion) -> Motion:
+    """Run a motion; `TaskFailed` moved as soon as the box is seen elsewhere: the hand must not follow it there."""
+    jumps = work.sight.jumps
+    for _ in motion:
         if work.sight.jumps != jumps:
             raise TaskFailed("moved: the box is seen elsewhere than where the hand goes")
         yield
-    work.phase = "insert"
-    yield from insert(guide, work.body, work.sight, "right", choice.grip.X_box_palm_insert, choice.grip.preshape)
 
 
 def come_near(work: Work, guide: FieldGuide, choice: GraspChoice) -> Motion:

@@ -11,7 +11,7 @@ from preshape.control.grips import Grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, ticks, wait, wait_for
 from preshape.control.planned_grip import planned_grip
 from preshape.control.resting import rested
-from preshape.control.task_grasp import PREGRASP_M, STANDOFF_M
+from preshape.control.task_grasp import PREGRASP_M, STANDOFF_M, while_it_stays
 from preshape.control.work import Work
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, transform
@@ -101,25 +101,30 @@ def _postures(work: Work, ranked: RankedOption) -> LiftChoice | str:
     return LiftChoice(ranked, grip, *postures)
 
 
+def come_to(work: Work, guide: FieldGuide, choice: LiftChoice) -> Motion:
+    """Travel to the pre-grasp, let the field bring the hand before the object, and lead it around."""
+    grip, body = choice.grip, work.body
+
+    def note(phase: str) -> None:
+        work.phase = phase
+
+    work.phase = "travel"
+    yield from lead_fingers(body, "right", grip.preshape)
+    yield from work.travel("right", choice.pregrasp)
+    body.prefer_posture("right", choice.grasp)
+    X_standoff, aim = before(grip, grip.X_box_palm, STANDOFF_M), choice.aim
+    yield from approach(guide, body, work.sight, "right", X_standoff, grip.preshape, note=note, aim=aim)
+    work.phase = "insert"
+    yield from insert(guide, body, work.sight, "right", grip.X_box_palm, grip.preshape, aim=aim)
+
+
 def lift_object(work: Work, guide: FieldGuide) -> Motion:
     """Look, plan, approach, close and lift; the grip is kept in `work.grips`."""
     yield from settle_on_table(work)
     choice = choose_lift(work)
     grip, body = choice.grip, work.body
     work.grips["right"] = grip
-    work.phase = "travel"
-    yield from lead_fingers(body, "right", grip.preshape)
-    yield from work.travel("right", choice.pregrasp)
-    body.prefer_posture("right", choice.grasp)
-
-    def note(phase: str) -> None:
-        work.phase = phase
-
-    X_standoff = before(grip, grip.X_box_palm, STANDOFF_M)
-    aim = choice.aim
-    yield from approach(guide, body, work.sight, "right", X_standoff, grip.preshape, note=note, aim=aim)
-    work.phase = "insert"
-    yield from insert(guide, body, work.sight, "right", grip.X_box_palm, grip.preshape, aim=aim)
+    yield from while_it_stays(work, come_to(work, guide, choice))
     work.phase = "close"
     yield from work.hands["right"].close(grip)
     work.sight.hold("right")
