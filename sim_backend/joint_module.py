@@ -199,7 +199,7 @@ class JointModule:
         target = command.target[own]
         match command.mode:
             case WireMode.POSITION:
-                within = np.clip(target, parameters.lower, parameters.upper)[enabled]
+                within = np.minimum(np.maximum(target, parameters.lower), parameters.upper)[enabled]
                 drives.follow(within, limit, parameters.cycle_us * 1e-6, joints)
             case WireMode.TORQUE:
                 drives.push(target[enabled], limit, joints)

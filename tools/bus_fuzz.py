@@ -1,8 +1,8 @@
 """Random frames into driver and modules while both are at work: `python -m preshape.tools.bus_fuzz --frames 10000000`.
 
-Half of the frames are wholly random (identifier, length, bytes; some extended, remote or error frames), half have an
-identifier and mostly the length of the protocol, with random bytes. The driver commands one position all the time.
-Whatever happens, nothing may raise and no joint may move.
+Half of the frames are wholly random (identifier, length, bytes; some extended or remote, a few error frames), half have
+an identifier and mostly the length of the protocol, with random bytes. The driver commands one position all the time,
+so frames that stop it whatever they hold are kept few. Whatever happens, nothing may raise and no joint may move.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from preshape.hal.can.bus_address import BusAddress, open_bus
 from preshape.hal.can.dbc_message import messages
 from preshape.hal.can.device import CanDevice
 from preshape.hal.can.frame_length import FD_LENGTHS
+from preshape.hal.can.identifiers import QUICK_STOP_ID
 from preshape.hal.can.topology import TOPOLOGY, BusSpec
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import DeviceStatus, Mode, RobotCommand
@@ -30,6 +31,10 @@ from preshape.sim_backend.module_rack import ModuleRack
 
 FRAMES_A_CYCLE = 1000
 """Random frames at each end of each bus in each cycle."""
+STOPS_SHARE = 0.003
+"""Share of the quick stop's identifiers that stays: each ends the driver's session."""
+ERRORS_SHARE = 2e-5
+"""Share of error frames: half of them say that the bus is off."""
 MOST_MOTION_RAD = 0.01
 PERIOD_NS = 2_000_000
 _NUMBERS = itertools.count()
@@ -64,11 +69,13 @@ def random_frames(seed: int) -> Iterator[can.Message]:
         elif kind < 0.6:
             length = random.choice(FD_LENGTHS)
         extended = kind < 0.05
+        if frame_id == QUICK_STOP_ID and random.random() > STOPS_SHARE:
+            frame_id, length = random.choice(known)
         yield can.Message(
             arbitration_id=random.getrandbits(29) if extended else frame_id,
             is_extended_id=extended,
             is_remote_frame=0.05 <= kind < 0.07,
-            is_error_frame=0.07 <= kind < 0.09,
+            is_error_frame=0.07 <= kind < 0.07 + ERRORS_SHARE,
             is_fd=True,
             data=random.randbytes(length),
         )

@@ -76,11 +76,14 @@ class StateCodec:
 
     def encode(self, report: ModuleReport) -> bytearray:
         """Return a report's payload; what no count can say is written as the nearest that can."""
-        counts = np.concatenate([report.position, report.velocity, report.torque]) / self.scale
-        counts = np.clip(np.rint(counts), self._least, self._most).astype(np.int64)
+        counts = np.concatenate([report.position, report.velocity, report.torque])
+        np.divide(counts, self.scale, out=counts)
+        np.rint(counts, out=counts)
+        np.maximum(counts, self._least, out=counts)
+        np.minimum(counts, self._most, out=counts)
         payload = bytearray(self.length)
         status = status_byte(report.state, report.error, report.taken)
-        self._body.pack_into(payload, 0, report.sequence, status, report.temperature_degc, *counts.tolist())
+        self._body.pack_into(payload, 0, report.sequence, status, report.temperature_degc, *map(int, counts.tolist()))
         end = self.length - _CRC.size
         _CRC.pack_into(payload, end, crc16(self.frame_id, memoryview(payload)[:end]))
         return payload

@@ -6,6 +6,7 @@ import errno
 from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
+from typing import cast
 
 import can
 
@@ -100,7 +101,8 @@ class Wire:
                 arbitration_id=frame_id, is_extended_id=False, is_fd=self._fd, bitrate_switch=self._fd, is_rx=False
             )
             self._messages[frame_id] = message
-        message.data = content if isinstance(content, bytearray) else bytearray(content)
+        # Of bytes python-can's virtual bus makes its copies much faster than of a bytearray.
+        message.data = cast(bytearray, bytes(content))
         message.dlc = len(content)
         try:
             self._bus.send(message, timeout=0)
