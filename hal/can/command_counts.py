@@ -53,7 +53,8 @@ class CommandCounts:
         """Return the counts of targets (rad, or N m in torque mode) and limits (N m), each (n,) and finite."""
         both, work = self._both, self._work
         both[: self._joints], both[self._joints :] = target, torque_limit
-        np.take(both, self._order, out=work)
+        # "clip" only spares numpy a buffer: the order is within bounds.
+        np.take(both, self._order, out=work, mode="clip")
         np.multiply(work, self._per_unit, out=work)
         np.add(work, self._half, out=work)
         np.floor(work, out=work)
