@@ -12,7 +12,7 @@ from preshape.hal.answers import ObstaclesAnswer
 from preshape.hal.device import DeviceUnreachable
 from preshape.tools.rerun_content import RerunContent
 from preshape.tools.rerun_stream import RerunStream
-from preshape.tools.series import Series
+from preshape.tools.series import MOST_LOOP_US, Series, cut_off
 from preshape.tools.telemetry_listener import TelemetryListener
 from preshape.tools.telemetry_messages import (
     AnyMessage,
@@ -98,7 +98,8 @@ class LiveDash:
             names = tuple(f"{what} {part}" for what in ("lateness", "compute") for part in ("p50", "p99", "max"))
             spreads = (health.lateness_us, health.compute_us)
             values = [value for spread in spreads for value in (spread.p50, spread.p99, spread.max)]
-            self._stream.send_series(Series("loop/timing", names, np.array([values])), now_ns)
+            series = cut_off(Series("loop/timing", names, np.array([values])), MOST_LOOP_US)
+            self._stream.send_series(series, now_ns)
         if health.bus_load is not None or health.bus_errors is not None:
             values = [np.nan if value is None else float(value) for value in (health.bus_load, health.bus_errors)]
             series = Series(f"bus/{health.device}", ("load", "errors"), np.array([values]))

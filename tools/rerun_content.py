@@ -13,7 +13,7 @@ from preshape.tools.rerun_field import RerunField
 from preshape.tools.rerun_robot import RerunRobot
 from preshape.tools.rerun_scene import RerunScene
 from preshape.tools.rerun_stream import RerunStream
-from preshape.tools.series import changes, loop_times, record_series
+from preshape.tools.series import MOST_LOOP_US, changes, cut_off, loop_times, record_series
 
 PLOT_INTERVAL_S = 0.02
 """Plots have a point each such time, s."""
@@ -96,7 +96,7 @@ class RerunContent:
 
     def _draw(self, records: TickRecord) -> None:
         if not self._told_events:
-            self._stream.send_series(loop_times(records), records["now_ns"])
+            self._stream.send_series(cut_off(loop_times(records), MOST_LOOP_US), records["now_ns"])
         plotted = records[self._plots.rows(records["now_ns"])]
         for series in record_series(plotted):
             self._stream.send_series(series, plotted["now_ns"])

@@ -6,11 +6,10 @@ import rerun.blueprint as rrb
 
 from preshape.hal.layout import SIDES
 from preshape.hal.sah_hand import FINGERS
+from preshape.tools.series import MOST_LOOP_US
 
 EYE, TARGET = (1.50, -0.80, 1.05), (0.33, -0.05, 0.36)
 """Where the scene is looked at from, and where to, m."""
-MOST_LOOP_US = 4000.0
-"""Top of the loop's plot, us: two periods. In lockstep planning takes a thousand times longer in single ticks."""
 
 
 def blueprint(live: bool = False) -> rrb.Blueprint:
@@ -35,7 +34,7 @@ def blueprint(live: bool = False) -> rrb.Blueprint:
         _pair("distance of groups, m", "distance"),
         _pair("tracking error, rad", "tracking_error"),
         rrb.Horizontal(
-            _plot("loop: lateness and compute, us", "/loop/timing", (0.0, MOST_LOOP_US)),
+            _plot(f"loop: lateness and compute, us (cut at {MOST_LOOP_US:g})", "/loop/timing", (0.0, MOST_LOOP_US)),
             _plot("devices: age of samples, ms", "/loop/age"),
         ),
         row_shares=[4, 3, 3, 3, 3, 3],

@@ -13,6 +13,8 @@ from preshape.hal.tick_record import GROUPS, TickRecord
 
 COLORS = (0x4C72B0FF, 0xDD8452FF, 0x55A868FF, 0xC44E52FF, 0x8172B3FF, 0x937860FF)
 """Line colours, 0xRRGGBBAA, in the order of use."""
+MOST_LOOP_US = 4000.0
+"""Where the loop's times are cut off in the viewer, us: two periods. In lockstep planning takes up to seconds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +78,11 @@ def loop_times(timing: NDArray[np.void]) -> Series:
     """Return every tick's lateness and compute time, us."""
     values = np.column_stack([timing["lateness_ns"], timing["compute_ns"]]) * 1e-3
     return Series("loop/timing", ("lateness", "compute"), values)
+
+
+def cut_off(series: Series, highest: float) -> Series:
+    """Return a series whose greater values stand at `highest`: single ones must not hide all others."""
+    return Series(series.path, series.names, np.minimum(series.values, highest))
 
 
 def record_series(records: TickRecord) -> list[Series]:
