@@ -15,11 +15,15 @@ from preshape.sim_backend.shared_block import Record
 
 @dataclass(frozen=True, slots=True)
 class BusWiring:
-    """Which modules hang on which bus, where each bus is, and after how many missed commands a module stops."""
+    """Which modules hang on which bus, where each bus is, and after how many missed commands a module stops.
+
+    `pace` is how many seconds pass for them and their scene in each of the machine's.
+    """
 
     topology: Topology
     addresses: Mapping[str, BusAddress]
     watchdog_cycles: int = 5
+    pace: float = 1.0
 
 
 class BusJoints:

@@ -34,7 +34,7 @@ def serve_scene(scenario: Scenario, wiring: BusWiring, ready: Callable[[ScenePla
     port = ScenePort(place)
     try:
         memory = file_bytes(place.state, state_record(simulation.model), create=True)
-        physics = PacedPhysics(simulation, port, memory)
+        physics = PacedPhysics(simulation, port, memory, wiring.pace)
         simulation.after_step.append(lambda time_ns: physics.end() if ended() else None)
         ready(place)
         run_with_priority(physics, joints)
@@ -53,7 +53,7 @@ def serve_robot(seed: int, wiring: BusWiring, ready: Callable[[], None], ended: 
         warm_up()
         ready()
         take_priority()
-        pace = RealPace()
+        pace = RealPace(wiring.pace)
         pace.begin(robot.time_ns)
         while not ended():
             robot.step()

@@ -12,6 +12,7 @@ from preshape.hal.layout import LAYOUT
 from preshape.hal.transform import Matrix
 from preshape.hal.world import Face
 from preshape.sim_backend.referee_report import Verdict
+from preshape.sim_backend.scenario import Scenario
 
 COMMAND = np.dtype(
     [
@@ -91,7 +92,15 @@ class FreezeTorque:
 
 @dataclass(frozen=True, slots=True)
 class Describe:
-    """Ask for the drawn scenario; answered with it."""
+    """Ask what is simulated; answered with `Described`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """The drawn scenario, and how many of its seconds pass in each of the machine's."""
+
+    scenario: Scenario
+    pace: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,15 @@ import numpy as np
 from preshape.hal.kernel_warm_up import remember_signatures, warm_up
 from preshape.sim_backend.bus_joints import BusJoints, BusWiring
 from preshape.sim_backend.kicks import KickSchedule
-from preshape.sim_backend.paced_layout import Describe, Finish, Finished, FreezeTorque, ReportOpening, state_record
+from preshape.sim_backend.paced_layout import (
+    Describe,
+    Described,
+    Finish,
+    Finished,
+    FreezeTorque,
+    ReportOpening,
+    state_record,
+)
 from preshape.sim_backend.real_pace import RealPace
 from preshape.sim_backend.referee import Referee
 from preshape.sim_backend.scenario import Scenario
@@ -92,7 +100,7 @@ def run_bus_physics(
     """Run the scene with joint modules on buses until `Finish`, or until the other end of `requests` is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     simulation = Simulation(scenario)
-    physics = PacedPhysics(simulation, requests, state_memory)
+    physics = PacedPhysics(simulation, requests, state_memory, wiring.pace)
     joints = BusJoints(simulation, wiring)
     run_with_priority(physics, joints)
 
@@ -121,15 +129,19 @@ def take_priority() -> None:
 class PacedPhysics:
     """The loop and all it owns; scene times count from 0, stamps are put on the monotonic clock when published."""
 
-    def __init__(self, simulation: Simulation, requests: RequestPort, state_memory: Memory) -> None:
-        """Look after a simulation; requests come by `requests`, the scene is published into `state_memory`."""
+    def __init__(self, simulation: Simulation, requests: RequestPort, state_memory: Memory, pace: float = 1.0) -> None:
+        """Look after a simulation; requests come by `requests`, the scene is published into `state_memory`.
+
+        `pace` seconds of the scene pass in each of the machine's.
+        """
         self._simulation = simulation
         self._referee = Referee(simulation)
         self._sensors = attach_sensors(simulation)
         self._kicks = KickSchedule(simulation, self._referee)
         self._requests = requests
         self._state = SharedBlock(state_memory, state_record(simulation.model))
-        self._pace = RealPace()
+        self.pace = pace
+        self._pace = RealPace(pace)
         self._joints: Joints | None = None
         self._running = True
 
@@ -181,7 +193,7 @@ class PacedPhysics:
     def _answer(self, request: object, joints: Joints) -> None:
         match request:
             case Describe():
-                self._requests.send(self._simulation.scenario)
+                self._requests.send(Described(self._simulation.scenario, self.pace))
             case ReportOpening(face, edge, offset, X_world_box):
                 self._referee.report_opening(face, edge, offset, X_world_box)
             case FreezeTorque(first, last):

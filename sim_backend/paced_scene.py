@@ -16,7 +16,7 @@ from preshape.hal.state import Vector
 from preshape.sim_backend.bus_joints import BusWiring
 from preshape.sim_backend.paced import Line, PacedPerception, PacedReferee, end_children
 from preshape.sim_backend.paced_camera import run_camera
-from preshape.sim_backend.paced_layout import Describe, Finish, Finished, state_record
+from preshape.sim_backend.paced_layout import Describe, Described, Finish, Finished, state_record
 from preshape.sim_backend.paced_physics import run_bus_physics
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import build_scene, camera_model
@@ -39,12 +39,12 @@ class PacedScene:
         self._context = multiprocessing.get_context("spawn")
         self._children: list[BaseProcess] = []
         self._record = state_record(build_scene(scenario))
-        self.clock = MonotonicClock()
         try:
             if isinstance(wiring, BusWiring):
                 self._physics, memory, source = self._begin(scenario, wiring)
+                pace = wiring.pace
             else:
-                self._physics, memory, source = self._join(scenario, wiring)
+                self._physics, memory, source, pace = self._join(scenario, wiring)
             lens = camera_model(scenario)
             pixels = self._context.RawArray("c", lens.width * lens.height)
             camera = self._start("camera", run_camera, (scenario,), (source, pixels))
@@ -52,6 +52,7 @@ class PacedScene:
         except DeviceUnreachable:
             end_children(self._children)
             raise
+        self.clock = MonotonicClock(pace)
         self._camera = camera
         self._state = SharedBlock(memory, self._record)
         block, image = SharedBlock(memory, self._record), np.frombuffer(memoryview(pixels), np.uint8)
@@ -91,15 +92,16 @@ class PacedScene:
         line.expect_ready()
         return line, memory, memory
 
-    def _join(self, scenario: Scenario, place: ScenePlace) -> tuple[Line, Memory, Path]:
+    def _join(self, scenario: Scenario, place: ScenePlace) -> tuple[Line, Memory, Path, float]:
         line = Line(place.connect(), "hand-bus")
-        described: Scenario = line.ask(Describe())
-        if described != scenario:
+        described: Described = line.ask(Describe())
+        there = described.scenario
+        if there != scenario:
             raise DeviceUnreachable(
-                f"the hand bus simulates {described.name} with seed {described.seed}, the run asks for {scenario.name} "
+                f"the hand bus simulates {there.name} with seed {there.seed}, the run asks for {scenario.name} "
                 f"with seed {scenario.seed}: give both the same --scenario, --seed and --set"
             )
-        return line, file_bytes(place.state, self._record), place.state
+        return line, file_bytes(place.state, self._record), place.state, described.pace
 
     def _start(self, name: str, target: Callable[..., None], before: tuple[Any, ...], after: tuple[Any, ...]) -> Line:
         here, there = self._context.Pipe()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from preshape.hal.clock import MonotonicClock
 from preshape.sim_backend.simulation import STEP_NS
 
 SLIP_NS = 3_000_000
@@ -12,21 +13,24 @@ YIELD_S = 1e-4
 
 
 class RealPace:
-    """`offset_ns` is the machine's monotonic time less the scene's; `slipped_ns` for how long the scene stood still."""
+    """`offset_ns` is the clock's time less the scene's; `slipped_ns` for how long the scene stood still."""
 
-    def __init__(self) -> None:
+    def __init__(self, pace: float = 1.0) -> None:
+        """Let so many seconds of the scene pass in each of the machine's."""
+        self._clock = MonotonicClock(pace)
         self.offset_ns = 0
         self.slipped_ns = self.slips = 0
 
     def begin(self, scene_ns: int) -> None:
         """Let the scene's present time be now."""
-        self.offset_ns = time.monotonic_ns() - scene_ns
+        self.offset_ns = self._clock.now_ns() - scene_ns
 
     def wait(self, scene_ns: int) -> None:
         """Sleep until the step after `scene_ns` is due; after a stall of the machine let the scene stand still."""
-        remaining_ns = self.offset_ns + scene_ns + STEP_NS - time.monotonic_ns()
+        due_ns = self.offset_ns + scene_ns + STEP_NS
+        remaining_ns = due_ns - self._clock.now_ns()
         if remaining_ns > 0:
-            time.sleep(remaining_ns * 1e-9)
+            self._clock.sleep_until_ns(due_ns)
         elif remaining_ns < -SLIP_NS:
             self.offset_ns -= remaining_ns
             self.slipped_ns -= remaining_ns

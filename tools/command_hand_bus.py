@@ -27,6 +27,7 @@ class Options:
         profile: frames of the buses: CAN FD, or classic CAN, which carries less.
         physics: what hangs on the modules: the whole scene (mujoco), or the robot alone in empty space (simple).
         patience_cycles: cycles without a command until a module stops by itself.
+        pace: seconds of the modules and the scene in each of the machine's; a run that comes to them goes by it.
         scenario: the scene: a scenario's TOML file, or the name of one that is shipped.
         seed: what the scenario leaves to chance is drawn by this; default: the scenario's own seed.
         overrides: a scenario field to be set; may be given several times.
@@ -37,6 +38,7 @@ class Options:
     profile: ProfileName = "fd"
     physics: Literal["simple", "mujoco"] = "mujoco"
     patience_cycles: int = 5
+    pace: float = 1.0
     scenario: str = "tea_box"
     seed: int | None = None
     overrides: Annotated[
@@ -48,6 +50,8 @@ class Options:
             raise ConfigurationError("--interface: got virtual, allowed is another, for it reaches no other process")
         if not 1 <= self.patience_cycles <= MOST_PATIENCE:
             raise ConfigurationError(f"--patience-cycles: got {self.patience_cycles}, allowed is 1 .. {MOST_PATIENCE}")
+        if not 0.0 < self.pace <= 1.0:
+            raise ConfigurationError(f"--pace: got {self.pace:g}, allowed is > 0 and <= 1")
         if self.seed is not None and self.seed < 0:
             raise ConfigurationError(f"--seed: got {self.seed}, allowed is >= 0")
 
@@ -60,7 +64,7 @@ def execute(options: Options) -> int:
     from preshape.tools.configuration import load_scenario
 
     topology, addresses = hand_bus(options.profile, options.interface, options.channel)
-    wiring = BusWiring(topology, addresses, options.patience_cycles)
+    wiring = BusWiring(topology, addresses, options.patience_cycles, options.pace)
     scenario = load_scenario(options.scenario, options.overrides)
     seed = scenario.seed if options.seed is None else options.seed
     ended = _Interrupted()

@@ -16,7 +16,7 @@ from preshape.control.loop import ControlLoop
 from preshape.control.loop_result import LoopResult
 from preshape.control.observer import Observer, Observers
 from preshape.control.work import Work
-from preshape.hal.clock import Clock
+from preshape.hal.clock import Clock, MonotonicClock
 from preshape.hal.gate import SafetyGate
 from preshape.hal.kernel_warm_up import remember_signatures
 from preshape.hal.recorded_perception import Listener, RecordedPerception
@@ -183,7 +183,8 @@ def _run(course: Course, clock: Clock, paced: bool) -> None:
 
 
 def _run_paced(course: Course, clock: Clock) -> LoopResult:
-    with PatientController(course.controller, PATIENT_SHARE * course.loop.period_ns * 1e-9) as patient, real_time():
+    period_s = course.loop.period_ns * 1e-9 / (clock.pace if isinstance(clock, MonotonicClock) else 1.0)
+    with PatientController(course.controller, PATIENT_SHARE * period_s) as patient, real_time():
         course.empty = empty_lateness(clock, course.loop.period_ns, EMPTY_TICKS)
         course.start_s = clock.now_ns() * 1e-9
         try:
