@@ -10,7 +10,7 @@ run: .venv/ready
 # The bus tests run on a real vcan: in a guest (user-mode Linux) where this kernel has none, watched by candump.
 test: .venv/ready
 	.ci/packages linux.uml=user-mode-linux insmod=kmod ip=iproute2 candump=can-utils
-	$(BIN)/pytest -q
+	$(BIN)/pytest -q --numprocesses auto --dist loadfile
 
 fast: .venv/ready
 	$(BIN)/pytest -q -m "not slow and not physics and not bus"

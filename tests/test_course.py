@@ -45,7 +45,7 @@ def ground() -> Work:
     position = 0.5 * (LAYOUT.lower + LAYOUT.upper)
     position[LAYOUT.arm("right")] = EASY
     body.follow(position, np.zeros(LAYOUT.dof))
-    return cast(Work, SimpleNamespace(cell=CELL, body=body, phase=""))
+    return cast(Work, SimpleNamespace(cell=CELL, body=body, sight=SimpleNamespace(X_world_box=transform()), phase=""))
 
 
 def planned(work: Work) -> Course:
