@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 from preshape.planner.area_problem import AreaProblem
 from preshape.planner.literal_order import GraspSpan
@@ -21,16 +21,14 @@ BothLimits = tuple[Limits, Limits]
 NO_GRASP: Limits = (WHOLE, 0)
 
 
-@dataclass(frozen=True, slots=True)
-class Cut:
+class Cut(NamedTuple):
     """A regrasp of one hand between two tasks: whether a helper is needed, and the limits per hand in it."""
 
     helper: bool
     limits: BothLimits
 
 
-@dataclass(frozen=True, slots=True)
-class GraspGroup:
+class GraspGroup(NamedTuple):
     """Grasps that hang together: limits per task and hand, cuts per place and hand (None: impossible), spans.
 
     Tasks are counted from the group's first one, which is the procedure's task `start` + 1. Regrasps are added in
@@ -53,7 +51,7 @@ class GraspGroup:
         """Yield the groups with one more regrasp."""
         for after in range(self.added, len(self.tasks)):
             for hand, cut in enumerate(self.cuts[after - 1]):
-                if cut is not None and any(h == hand and first <= after < last for h, first, last, *_ in self.spans):
+                if cut is not None and any([s.hand == hand and s.first <= after < s.last for s in self.spans]):
                     yield self._with(hand, after, cut)
 
     def _with(self, hand: int, after: int, cut: Cut) -> GraspGroup:

@@ -104,8 +104,10 @@ def _literal(problem: AreaProblem, limit: int) -> RegraspPlan:
     procedure = problem.procedure
     moves = fewest_literal_moves(problem, limit)
     if moves is None:
-        cause = replace(_literal_cause(problem), scope=f"no other order and up to {limit} added regrasps do not help")
-        return RegraspPlan(procedure, derive_priorities(procedure), 0, False, cause)
+        priorities = derive_priorities(procedure)
+        cause = _literal_cause(problem, tuple(sorted(procedure.blocks, key=priorities.__getitem__)))
+        cause = replace(cause, scope=f"no other order and up to {limit} added regrasps do not help")
+        return RegraspPlan(procedure, priorities, 0, False, cause)
     for hand, after in moves:
         procedure = with_regrasp(procedure, hand, after)
     changed = replace(problem, procedure=procedure)
@@ -118,8 +120,7 @@ def _literal(problem: AreaProblem, limit: int) -> RegraspPlan:
     return RegraspPlan(procedure, priorities_in_order(procedure, order), len(moves), True, None)
 
 
-def _literal_cause(problem: AreaProblem) -> Certificate:
-    order = default_order(problem.procedure)
+def _literal_cause(problem: AreaProblem, order: tuple[Block, ...]) -> Certificate:
     masks = literal_masks(problem, order)
     failed = next(b for b in order if not _left(problem, b, masks[b]))
     return literal_certificate(problem, order, masks, failed)
