@@ -32,7 +32,7 @@ class BusJoints:
     def __init__(self, plant: Plant, wiring: BusWiring) -> None:
         """Open the buses and switch the modules on, with keys that nobody can foresee. `DeviceUnreachable`."""
         buses = open_buses(wiring.topology, wiring.addresses)
-        self.rack = ModuleRack(wiring.topology, plant, buses, secrets.randbits(64))
+        self.rack = ModuleRack(wiring.topology, plant, buses, secrets.randbits(64), even=True)
         for module in self.rack.modules.values():
             module.parameters.watchdog_cycles = wiring.watchdog_cycles
 

@@ -15,8 +15,10 @@ from preshape.hal.can.quick_stop_codec import QUICK_STOP_LENGTH
 from preshape.hal.can.topology import BusSpec, Topology
 from preshape.hal.can.wire import Handler, Wire
 from preshape.hal.state import Vector
+from preshape.sim_backend.even_commands import EvenCommands
 from preshape.sim_backend.joint_module import JointModule, ModuleEvent
 from preshape.sim_backend.plant import Plant
+from preshape.sim_backend.simulation import STEP_NS
 
 
 class ModuleRack:
@@ -26,9 +28,20 @@ class ModuleRack:
     """
 
     def __init__(
-        self, topology: Topology, plant: Plant, buses: Mapping[str, can.BusABC], seed: int, reply_s: float = 0.0
+        self,
+        topology: Topology,
+        plant: Plant,
+        buses: Mapping[str, can.BusABC],
+        seed: int,
+        reply_s: float = 0.0,
+        even: bool = False,
     ) -> None:
-        """Put modules on open buses (by name) and on a plant's hooks; `seed` draws their keys."""
+        """Put modules on open buses (by name) and on a plant's hooks; `seed` draws their keys.
+
+        `even`: broadcasts are taken at even distances, for senders whose time is not the plant's.
+        """
+        self._even = even
+        self._waiting: list[tuple[EvenCommands, list[JointModule]]] = []
         self._plant = plant
         self._sampled_ns = -1
         self._sample: tuple[Vector, Vector, Vector] = plant.joint_sensors.read()
@@ -76,7 +89,7 @@ class ModuleRack:
         for group in spec.groups:
             codec = CommandCodec(group)
             modules = [self.modules[module.node] for module in group.modules]
-            handlers[codec.frame_id] = partial(self._command, modules)
+            handlers[codec.frame_id] = self._broadcast_handler(modules)
             lengths[codec.frame_id] = codec.length
             for module in modules:
                 identifier = request_id(module.module.node)
@@ -84,10 +97,23 @@ class ModuleRack:
                 lengths[identifier] = PARAMETER_LENGTH
         return Wire(bus, spec.profile, handlers, lengths)
 
+    def _broadcast_handler(self, modules: list[JointModule]) -> Handler:
+        """Return what takes a group's broadcasts: at once, or when it is time."""
+        if not self._even:
+            return partial(self._command, modules)
+        waiting = EvenCommands()
+        self._waiting.append((waiting, modules))
+        return waiting.put
+
     def _receive(self, time_ns: int) -> None:
         self._now_ns = time_ns
         for wire, _ in self._spoken:
             wire.drain()
+        for waiting, modules in self._waiting:
+            period = max(1, round(modules[0].parameters.cycle_us * 1000 / STEP_NS))
+            payload = waiting.due(time_ns // STEP_NS, period)
+            if payload is not None:
+                self._command(modules, payload)
 
     def _send(self, time_ns: int) -> None:
         now_ns = self._plant.time_ns
