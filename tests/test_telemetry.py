@@ -8,6 +8,7 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -21,6 +22,7 @@ from preshape.tools.telemetry_messages import AnyMessage, Event, Heartbeat, deco
 from preshape.tools.telemetry_states import STATES
 
 ROOT = "preshape/box"
+SHARED_MEMORY = Path("/dev/shm")
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +128,16 @@ def test_a_killed_telemetry_process_is_noted_and_the_loop_goes_on() -> None:
         before = loop.tick
         assert until(lambda: loop.tick > before + 100)
         assert loop.telemetry.note == "telemetry: its process ended with exit code -9"
+
+
+def test_a_killed_telemetry_process_leaves_nothing_in_shared_memory() -> None:
+    before = set(SHARED_MEMORY.glob("*.zenoh"))
+    with running_robot() as (loop, endpoint):
+        with client(endpoint) as session:
+            assert ask(session, f"{ROOT}/call/status")
+            loop.telemetry.process.kill()
+            loop.telemetry.process.join()
+    assert set(SHARED_MEMORY.glob("*.zenoh")) <= before
 
 
 def test_two_robots_at_one_endpoint_are_told_so() -> None:

@@ -20,6 +20,8 @@ _QUIET: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "timestamping/enabled": False,
+    # Its segments outlive a process that is killed.
+    "transport/shared_memory/enabled": False,
 }
 _PRIORITIES = (
     "control", "real_time", "interactive_high", "interactive_low", "data_high", "data", "data_low", "background",
