@@ -30,6 +30,8 @@ RATE_HZ, PACE = 250, 0.2
 """The run over vcan goes five times slower than real time: system calls are slow in a guest."""
 WIRE_HZ = RATE_HZ * PACE
 """Commands of each group a second that are on the wire."""
+TRIES, STALLED_S = 3, 1.0
+"""So often the run is tried on a machine that stalls, for longer than this in all, s."""
 NAMED = re.compile(r":: \w+\(.+\)$")
 
 
@@ -55,10 +57,15 @@ def test_driver_and_kernel_keep_their_laws_on_a_real_vcan() -> None:
 def test_the_first_grasp_over_a_real_vcan_is_done_and_the_shipped_dbc_names_every_frame(tmp_path: Path) -> None:
     prepare_kernels(load_scenario("tea_box"), 0, RunOptions(device="can", until_task=1))
     command = ["sh", str(HERE / "on_vcan" / "first_grasp.sh"), str(tmp_path), str(RATE_HZ), str(PACE)]
-    output = io.BytesIO()
-    status = run_with_vcan(command, time_limit_s=900.0, output=output)
-    assert status == 0, output.getvalue().decode()
-    report = decode_report((tmp_path / "out" / "report.json").read_bytes())
+    for _ in range(TRIES):
+        output = io.BytesIO()
+        status = run_with_vcan(command, time_limit_s=900.0, output=output)
+        printed = output.getvalue().decode()
+        report = decode_report((tmp_path / "out" / "report.json").read_bytes())
+        # Only a machine that stood still for long excuses a run in real time.
+        if status == 0 or report.sim.slipped_s < STALLED_S:
+            break
+    assert status == 0, printed
     assert (report.success, report.tasks[0].outcome, report.loop.rate_hz) == (True, "done", RATE_HZ)
     assert WIRE_HZ >= 50
 
