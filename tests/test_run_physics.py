@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -52,7 +53,13 @@ def test_a_paced_run_reports_its_lateness_beside_an_empty_loops() -> None:
     assert decode_report(encode_report(report)) == report
 
 
-def test_ctrl_c_stops_a_paced_run_with_all_its_processes_and_leaves_a_report(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "end", "reason"),
+    [(signal.SIGINT, os.killpg, "interrupted from the keyboard"), (signal.SIGTERM, os.kill, "asked to terminate")],
+)
+def test_ctrl_c_and_sigterm_stop_a_paced_run_with_all_its_processes_and_leave_a_report(
+    tmp_path: Path, number: int, end: Callable[[int, int], None], reason: str
+) -> None:
     arguments = ["run", "--paced", "--time-limit-s", "60", "--no-pictures", "--out", str(tmp_path)]
     program = f"from preshape.tools.cli import main; main({arguments!r})"
     # A session of its own, as a terminal makes one: the interrupt reaches every process in it.
@@ -62,7 +69,7 @@ def test_ctrl_c_stops_a_paced_run_with_all_its_processes_and_leaves_a_report(tmp
         assert run.stdout is not None
         try:
             assert "task 1 grasp" in run.stdout.readline()
-            os.killpg(run.pid, signal.SIGINT)
+            end(run.pid, number)
             printed, _ = run.communicate(timeout=60)
         finally:
             if run.poll() is None:
@@ -70,7 +77,7 @@ def test_ctrl_c_stops_a_paced_run_with_all_its_processes_and_leaves_a_report(tmp
     assert run.returncode == 4, printed
     report = decode_report((tmp_path / "report.json").read_bytes())
     assert report.loop.outcome == "stopped"
-    assert "interrupted from the keyboard" in report.loop.reason
+    assert reason in report.loop.reason
 
 
 def test_a_run_until_the_grasp_ends_with_it_and_says_so() -> None:

@@ -49,6 +49,8 @@ from preshape.tools.telemetry_config import TelemetryConfig
 from preshape.tools.telemetry_scene import scene_info
 from preshape.tools.wire_watch import WireWatch
 
+STOPPED_BY = {signal.SIGINT: "interrupted from the keyboard", signal.SIGTERM: "asked to terminate"}
+"""Signals that ask for a braked stop, and what is then given as its reason."""
 EMPTY_TICKS = 500
 """Ticks of the empty loop that a paced run is measured beside."""
 PATIENT_SHARE = 0.7
@@ -173,7 +175,7 @@ def _prepare(world: RunWorld, setup: ControllerSetup, observer: Observer, listen
 
 def _run(course: Course, clock: Clock, paced: bool) -> None:
     started = time.perf_counter()
-    with _stopped_by_interrupt(course.loop):
+    with _stopped_by_signal(course.loop):
         try:
             course.result = _run_paced(course, clock) if paced else course.loop.run(course.controller)
         except (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError) as error:
@@ -194,18 +196,20 @@ def _run_paced(course: Course, clock: Clock) -> LoopResult:
 
 
 @contextmanager
-def _stopped_by_interrupt(loop: ControlLoop) -> Generator[None]:
-    """Let the first interrupt from the keyboard ask the loop for a braked stop; the second one ends the program."""
+def _stopped_by_signal(loop: ControlLoop) -> Generator[None]:
+    """Let the first Ctrl-C or request to terminate ask the loop for a braked stop; the second one ends the program."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def stop(number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGINT, before)
-        loop.request_stop("interrupted from the keyboard")
+        for other, handler in before.items():
+            signal.signal(other, handler)
+        loop.request_stop(STOPPED_BY[signal.Signals(number)])
 
-    before = signal.signal(signal.SIGINT, stop)
+    before = {number: signal.signal(number, stop) for number in STOPPED_BY}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
