@@ -54,6 +54,7 @@ def test_driver_and_kernel_keep_their_laws_on_a_real_vcan() -> None:
 
 @pytest.mark.bus
 @pytest.mark.slow
+@pytest.mark.guest
 def test_the_first_grasp_over_a_real_vcan_is_done_and_the_shipped_dbc_names_every_frame(tmp_path: Path) -> None:
     prepare_kernels(load_scenario("tea_box"), 0, RunOptions(device="can", until_task=1))
     command = ["sh", str(HERE / "on_vcan" / "first_grasp.sh"), str(tmp_path), str(RATE_HZ), str(PACE)]
