@@ -94,8 +94,10 @@ def test_a_classic_payload_costs_its_slices() -> None:
     assert bus_budget(hand, 100.0).cycle_us == pytest.approx(frames * classic_us(8, MEGA))
 
 
-def test_the_tables_in_the_readme_are_the_codes() -> None:
-    readme = (Path(__file__).parents[1] / "README.md").read_text()
-    rows = [budget_row(budget) for budget in budgets(TOPOLOGY, 500.0)] + [layout_row(*layout) for layout in layouts()]
-    for row in (COLUMNS, *rows):
-        assert f"| {' | '.join(row)} |" in readme
+def test_the_tables_in_the_readme_and_its_page_on_the_bus_are_the_codes() -> None:
+    root = Path(__file__).parents[1]
+    readme, page = (root / "README.md").read_text(), (root / "docs" / "can.md").read_text()
+    for row in (COLUMNS, *(budget_row(budget) for budget in budgets(TOPOLOGY, 500.0))):
+        assert f"| {' | '.join(row)} |" in readme and f"| {' | '.join(row)} |" in page
+    for layout in layouts():
+        assert f"| {' | '.join(layout_row(*layout))} |" in page

@@ -49,7 +49,7 @@ class RunOptions:
         carry_speed: speed at which the right hand moves the box to and fro while the left hand comes, m/s.
         carry_turn_deg: speed at which it turns the box meanwhile, deg/s.
         feed_forward: feed that motion forward to the left hand; without it the hand only follows what it sees.
-        faults: what goes wrong on the bus: a campaign's name, or a list like drop=0.01,jitter_ms=2 (see README).
+        faults: what goes wrong on the bus: a campaign's name, or a list like drop=0.01,jitter_ms=2 (see docs/can.md).
         until_task: the last task carried out; success is then judged on the tasks up to it.
         time_limit_s: simulated time after which the run ends, s.
         record: keep what recording.rrd and the plots need.
