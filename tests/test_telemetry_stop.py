@@ -53,6 +53,7 @@ class Clock(MonotonicClock):
     """The machine's clock, which takes the device along."""
 
     def __init__(self, device: KinematicDevice) -> None:
+        super().__init__()
         self._device = device
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
