@@ -57,12 +57,15 @@ def test_driver_and_kernel_keep_their_laws_on_a_real_vcan() -> None:
 @pytest.mark.guest
 def test_the_first_grasp_over_a_real_vcan_is_done_and_the_shipped_dbc_names_every_frame(tmp_path: Path) -> None:
     prepare_kernels(load_scenario("tea_box"), 0, RunOptions(device="can", until_task=1))
-    command = ["sh", str(HERE / "on_vcan" / "first_grasp.sh"), str(tmp_path), str(RATE_HZ), str(PACE)]
+    path = f"PATH={Path(sys.executable).parent}:{os.environ['PATH']}"
+    command = ["env", path, "sh", str(HERE / "on_vcan" / "first_grasp.sh"), str(tmp_path), str(RATE_HZ), str(PACE)]
+    written = tmp_path / "out" / "report.json"
     for _ in range(TRIES):
         output = io.BytesIO()
         status = run_with_vcan(command, time_limit_s=900.0, output=output)
         printed = output.getvalue().decode()
-        report = decode_report((tmp_path / "out" / "report.json").read_bytes())
+        assert written.exists(), printed
+        report = decode_report(written.read_bytes())
         # Only a machine that stood still for long excuses a run in real time.
         if status == 0 or report.sim.slipped_s < STALLED_S:
             break
