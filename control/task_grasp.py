@@ -19,6 +19,7 @@ from preshape.hal.transform import Matrix, inverse, transform
 from preshape.hal.world import FACES, Face, face_normal, opposite
 from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose, upper_face
 from preshape.planner.arm_capsules import HeldBox
+from preshape.planner.plan_scene import LIFT_M
 
 PREGRASP_M = 0.14
 """Height of the palm above its grasp pose at which the field takes over, m."""
@@ -34,8 +35,6 @@ AIM_ANEW_S = 0.6
 """Time until the hand sets out again: it comes to rest, and what is seen settles, s."""
 BACK_M = 0.10
 """How far a hand that has stalled draws back along its axis, m."""
-LIFT_M = 0.13
-"""How far the box is lifted straight up, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

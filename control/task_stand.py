@@ -19,13 +19,12 @@ from preshape.hal.world import FACES, Face, NominalBox, face_normal
 from preshape.planner.air_pose import upper_face
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_reach import score
+from preshape.planner.plan_scene import LIFT_M
 
 LYING = 0.7
 """A box whose long axis has a smaller vertical share than this lies."""
 ABOVE_M = 0.11
 """Height of the open hand above its grasp pose from which it comes straight down, m."""
-LIFT_M = 0.13
-"""How far the lying box is lifted, m."""
 OVER_M = 0.07
 """Height above its standing place at which the turned box arrives, m."""
 SET_DOWN_M = 0.004
