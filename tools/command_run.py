@@ -55,6 +55,7 @@ def execute(options: Options) -> int:
     from preshape.tools.recorder import Recorder
     from preshape.tools.run_directory import choose_directory, write_run
     from preshape.tools.session import run_session
+    from preshape.tools.stop_signals import StopSignals
     from preshape.tools.telemetry_file import load_telemetry
 
     scenario = load_scenario(options.scenario, options.overrides)
@@ -65,10 +66,11 @@ def execute(options: Options) -> int:
     directory = choose_directory(options.out, scenario.name, seed)
     bus_log = directory / "can.log" if options.device == "can" and options.record else None
     watched = RunProgress(judged(scenario.shape).names)
-    with dashboard, Recorder(directory) as recorder, watched as progress:
-        kept = recorder if options.record else None
-        result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log, kept)
-    files = recorder.files | write_run(result, directory)
+    with StopSignals() as signals:
+        with dashboard, Recorder(directory) as recorder, watched as progress:
+            kept = recorder if options.record else None
+            result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log, kept, signals)
+        files = recorder.files | write_run(result, directory)
     if bus_log is not None and bus_log.exists():
         files["bus log"] = bus_log
     print(summary(result.report))

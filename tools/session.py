@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 import traceback
-from collections.abc import Generator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import FrameType
 
 from preshape.control.loop import ControlLoop
 from preshape.control.loop_result import LoopResult
@@ -44,13 +41,12 @@ from preshape.tools.run_plan import plan_drawing, plan_report, plan_run
 from preshape.tools.run_result import RunResult
 from preshape.tools.run_world import RunWorld, open_world, require_reachable
 from preshape.tools.standby import await_start
+from preshape.tools.stop_signals import StopSignals
 from preshape.tools.telemetry import Telemetry
 from preshape.tools.telemetry_config import TelemetryConfig
 from preshape.tools.telemetry_scene import scene_info
 from preshape.tools.wire_watch import WireWatch
 
-STOPPED_BY = {signal.SIGINT: "interrupted from the keyboard", signal.SIGTERM: "asked to terminate"}
-"""Signals that ask for a braked stop, and what is then given as its reason."""
 EMPTY_TICKS = 500
 """Ticks of the empty loop that a paced run is measured beside."""
 PATIENT_SHARE = 0.7
@@ -81,14 +77,16 @@ def run_session(
     telemetry: TelemetryConfig | None = None,
     bus_log: Path | None = None,
     recorder: Recorder | None = None,
+    signals: StopSignals | None = None,
 ) -> RunResult:
     """Carry out the procedure in the world that `seed` draws from a scenario.
 
     Nothing is written to disk but what a `recorder` keeps, and the frames of a CAN world's buses, to the file
     `bus_log` if there is one.
     `observers` are told of every tick besides those that the options ask for; with `telemetry` the run goes out over
-    Zenoh, and a stop that is asked for there is obeyed. What nobody could do is a failure before anything moves. An
-    exception of the controller is a failure with its text; the loop has stopped the device then.
+    Zenoh, and a stop that is asked for there is obeyed; so is one by `signals`. What nobody could do is a failure
+    before anything moves. An exception of the controller is a failure with its text; the loop has stopped the device
+    then.
 
     Raises:
         DeviceUnreachable: the world, or the telemetry, could not be opened, or the world was lost.
@@ -125,6 +123,8 @@ def run_session(
             if recorder is not None:
                 recorder.begin(setup)
                 watching.add(recorder)
+            if signals is not None:
+                signals.obey(course.loop)
             _run(course, world.clock, options.in_real_time)
         finished = world.finish()
         parts = [part.note for part in (live, recorder) if part is not None]
@@ -175,12 +175,11 @@ def _prepare(world: RunWorld, setup: ControllerSetup, observer: Observer, listen
 
 def _run(course: Course, clock: Clock, paced: bool) -> None:
     started = time.perf_counter()
-    with _stopped_by_signal(course.loop):
-        try:
-            course.result = _run_paced(course, clock) if paced else course.loop.run(course.controller)
-        except (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError) as error:
-            course.error = f"error: {type(error).__name__}: {error}"
-            course.where = traceback.format_exc(limit=-3)
+    try:
+        course.result = _run_paced(course, clock) if paced else course.loop.run(course.controller)
+    except (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        course.error = f"error: {type(error).__name__}: {error}"
+        course.where = traceback.format_exc(limit=-3)
     course.wall_s = time.perf_counter() - started
 
 
@@ -193,23 +192,3 @@ def _run_paced(course: Course, clock: Clock) -> LoopResult:
             return course.loop.run(patient)
         finally:
             course.held = patient.held
-
-
-@contextmanager
-def _stopped_by_signal(loop: ControlLoop) -> Generator[None]:
-    """Let the first Ctrl-C or request to terminate ask the loop for a braked stop; the second one ends the program."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        for other, handler in before.items():
-            signal.signal(other, handler)
-        loop.request_stop(STOPPED_BY[signal.Signals(number)])
-
-    before = {number: signal.signal(number, stop) for number in STOPPED_BY}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
