@@ -10,7 +10,7 @@ import numpy as np
 from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip, cage_grip
-from preshape.control.motions import Motion, between, eased, lead_fingers, lead_palm, ticks, wait, wait_for
+from preshape.control.motions import Motion, between, eased, lead_fingers, lead_palm, ticks, together, wait, wait_for
 from preshape.control.opening_finder import GLANCE_VIEW_ANGLE, Verdict, decide, find_opening
 from preshape.control.work import Work
 from preshape.hal.layout import Side
@@ -233,19 +233,25 @@ def put_back(work: Work) -> Motion:
     yield from work.travel_to_palm("right", transform((0.0, 0.0, LIFT_M)) @ X_stand)
     yield from lead_palm(body, "right", X_stand, speed=0.08)
     yield from wait(body, 0.2)
-    yield from work.hands["right"].open()
     work.sight.release()
-    yield from draw_back(work, "right", PREGRASP_M)
+    yield from take_off(work, "right", PREGRASP_M)
 
 
-def draw_back(work: Work, side: Side, distance: float) -> Motion:
-    """Take an opened hand off the box: first sideways, off the face its fingers lie on, then back along its axis.
+def take_off(work: Work, side: Side, distance: float) -> Motion:
+    """Open a hand and take it off the box: sideways, off the face its fingers lie on, then back along its axis.
 
-    Both lines are held in the box's frame: a box that gives way in the other hand takes the leaving one along.
+    The palm goes while the fingers open, since straight fingers have nowhere else to go, and a box that is let go
+    may follow them. It keeps its attitude to the box: the fingers lie along the faces as they are, which the estimate
+    tells to a degree or two only. Both lines are held in the box's frame, as it gives way in the other hand.
     """
-    X_box_off = work.grips[side].X_box_palm_insert @ transform((-ASIDE_M, 0.0, 0.0))
-    yield from lead_off(work, side, X_box_off, speed=0.02)
-    yield from lead_off(work, side, back_off(X_box_off, distance), speed=0.10)
+    grip = work.grips[side]
+    X_held = inverse(work.sight.X_world_box) @ work.body.asked_palm(side)
+    beside = (inverse(grip.X_box_palm) @ grip.X_box_palm_insert)[:3, 3] - (ASIDE_M, 0.0, 0.0)
+    X_off = X_held @ transform(beside)
+    work.phase = "release"
+    yield from together(work.hands[side].open(), lead_off(work, side, X_off, speed=0.02))
+    work.phase = "retreat"
+    yield from lead_off(work, side, back_off(X_off, distance), speed=0.10)
 
 
 def lead_off(work: Work, side: Side, X_box_palm: Matrix, speed: float) -> Motion:

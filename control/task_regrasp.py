@@ -9,7 +9,7 @@ from preshape.control.carrier import Carrier, sweep
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import SPARE_M, Grip, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
-from preshape.control.task_grasp import BACK_M, STANDOFF_M, back_off, draw_back, shown_face
+from preshape.control.task_grasp import BACK_M, STANDOFF_M, back_off, shown_face, take_off
 from preshape.control.work import Work
 from preshape.hal.state import Vector
 from preshape.hal.transform import inverse, transform
@@ -138,10 +138,7 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     yield from wait(body, 0.2)
     work.grips["left"] = grip
     work.sight.hold("left")
-    work.phase = "release"
-    yield from work.hands["right"].open()
-    work.phase = "retreat"
-    yield from draw_back(work, "right", RETREAT_M)
+    yield from take_off(work, "right", RETREAT_M)
     work.hands["left"].check()
     work.hands["left"].ease(TIGHTENED)
     yield from wait(body, 0.5)
