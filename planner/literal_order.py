@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 from preshape.planner.component import surviving
 
-_Ways = dict[int, tuple[int, ...]]
-"""Possible region of a grasp -> an order of its subtree that gives it."""
-_Choice = tuple[int, tuple[int, ...], tuple[int, ...]]
+Recipes = dict[int, tuple[int, ...]]
+"""Possible region of a grasp -> each child's region if it goes first for that, else `AFTER`."""
+_Choice = tuple[int, tuple[int, ...]]
+AFTER = -1
 
 
 class GraspSpan(NamedTuple):
@@ -26,11 +27,70 @@ class GraspSpan(NamedTuple):
         return self.hand != other.hand and self.first <= other.last and other.first <= self.last
 
 
+class Subtrees:
+    """Which regions a grasp can have with all that hangs on it complete, for all forests of one search.
+
+    Forests that differ by a regrasp have most of their subtrees in common. What hangs on a grasp is numbered by what
+    it is (free patches, allowed components, numbers of the children), not by where it stands.
+    """
+
+    def __init__(self) -> None:
+        """Start with no subtree."""
+        self._numbers: dict[tuple[int, int, tuple[int, ...]], int] = {}
+        self._nodes: list[tuple[int, int, tuple[int, ...]]] = []
+        self._known: dict[tuple[int, int], Recipes] = {}
+
+    def number(self, free: int, allowed: int, children: tuple[int, ...]) -> int:
+        """Return the number of a subtree."""
+        node = free, allowed, children
+        number = self._numbers.get(node)
+        if number is None:
+            number = self._numbers[node] = len(self._nodes)
+            self._nodes.append(node)
+        return number
+
+    def regions(self, number: int, taken: int) -> Recipes:
+        """Return all regions of a subtree's root; `taken` is its parent's if the parent goes first, else 0."""
+        free, allowed, children = self._nodes[number]
+        start = free & ~taken
+        if not surviving(start) & allowed:
+            return {}
+        if not children:
+            return {start: ()}
+        found = self._known.get((number, start))
+        if found is None:
+            found = self._known[number, start] = self._found(start, allowed, children)
+        return found
+
+    def _found(self, start: int, allowed: int, children: tuple[int, ...]) -> Recipes:
+        choices: list[_Choice] = [(start, ())]
+        for child in children:
+            longer: list[_Choice] = [(region, (*recipe, AFTER)) for region, recipe in choices]
+            for mask in self.regions(child, 0):
+                for region, recipe in choices:
+                    if surviving(region & ~mask) & allowed:
+                        longer.append((region & ~mask, (*recipe, mask)))
+            choices = longer
+        found = Recipes()
+        for region, recipe in choices:
+            if region not in found and self._rest_fits(region, children, recipe):
+                found[region] = recipe
+        return found
+
+    def _rest_fits(self, region: int, children: tuple[int, ...], recipe: tuple[int, ...]) -> bool:
+        for child, mask in zip(children, recipe, strict=True):
+            if mask == AFTER and not self.regions(child, region):
+                return False
+        return True
+
+
 class GraspForest:
     """Grasps that share tasks. They form a forest, so every choice of who goes first in each pair is an order."""
 
-    def __init__(self, spans: tuple[GraspSpan, ...]) -> None:
+    def __init__(self, spans: tuple[GraspSpan, ...], subtrees: Subtrees | None = None) -> None:
+        """Find out who meets whom; forests of one search share their `subtrees`."""
         self._spans = spans
+        self._subtrees = Subtrees() if subtrees is None else subtrees
         self._meets: list[list[int]] = [[] for _ in spans]
         for i, (hand, first, last, _, _) in enumerate(spans):
             for j in range(i):
@@ -38,22 +98,21 @@ class GraspForest:
                 if hand != other.hand and first <= other.last and other.first <= last:
                     self._meets[i].append(j)
                     self._meets[j].append(i)
-        self._known: dict[tuple[int, int, int], _Ways] = {}
 
     def order(self) -> tuple[int, ...] | None:
         """Return an order of the grasps, highest priority first, that leaves each a component; None if none does."""
-        spans, order = self._spans, list[int]()
-        if not all([surviving(span.free) & span.allowed for span in spans]):
+        if not all([surviving(span.free) & span.allowed for span in self._spans]):
             return None
-        for tree in self._trees():
-            ways = self._ways(tree[0], -1, 0) if self._has_top(tree) else None
-            if not ways:
+        order: list[int] = []
+        for root in self._roots():
+            regions = self._subtrees.regions(self._subtree(root, -1), 0)
+            if not regions:
                 return None
-            order += next(iter(ways.values()))
+            order += self._ordered(root, -1, 0, next(iter(regions)))
         return tuple(order)
 
-    def _trees(self) -> Iterator[list[int]]:
-        """Yield the grasps that hang together, tree by tree."""
+    def _roots(self) -> Iterator[int]:
+        """Yield one of the grasps that hang together, tree by tree."""
         seen = set[int]()
         for root, meets in enumerate(self._meets):
             if root not in seen:
@@ -61,64 +120,25 @@ class GraspForest:
                 for index in tree if meets else ():
                     tree += [other for other in self._meets[index] if other not in tree]
                 seen.update(tree)
-                yield tree
+                yield root
 
-    def _has_top(self, tree: list[int]) -> bool:
-        """Return False if no grasp of a tree can be its highest one, and so no order is possible.
+    def _children(self, index: int, parent: int) -> list[int]:
+        return [child for child in self._meets[index] if child != parent]
 
-        The highest one keeps all that is free of given areas: what it meets must do with the rest.
-        """
-        for index in tree:
-            rest = ~self._spans[index].free
-            for other in self._meets[index]:
-                if not surviving(self._spans[other].free & rest) & self._spans[other].allowed:
-                    break
+    def _subtree(self, index: int, parent: int) -> int:
+        free, allowed = self._spans[index][3:]
+        children = [self._subtree(child, index) for child in self._children(index, parent)]
+        return self._subtrees.number(free, allowed, tuple(children))
+
+    def _ordered(self, index: int, parent: int, taken: int, region: int) -> list[int]:
+        """Return an order of a subtree in which its root has a region that it can have."""
+        children, recipe = self._children(index, parent), self._subtrees.regions(self._subtree(index, parent), taken)
+        before: list[int] = []
+        after: list[int] = []
+        for child, mask in zip(children, recipe[region], strict=True):
+            if mask != AFTER:
+                before += self._ordered(child, index, 0, mask)
             else:
-                return True
-        return False
-
-    def _ways(self, index: int, parent: int, taken: int) -> _Ways:
-        """Return all regions of a grasp with the subtree away from `parent` complete.
-
-        `taken` is the parent's region if the parent goes first, else 0.
-        """
-        span, meets = self._spans[index], self._meets[index]
-        start = span.free & ~taken
-        if not surviving(start) & span.allowed:
-            return {}
-        if meets == [parent]:
-            return {start: (index,)}
-        found = self._known.get((index, parent, start))
-        if found is None:
-            children = [child for child in meets if child != parent]
-            found = self._known[index, parent, start] = self._found(index, start, children)
-        return found
-
-    def _found(self, index: int, start: int, children: list[int]) -> _Ways:
-        allowed = self._spans[index].allowed
-        # Regions, with the children that go after this grasp and the order of all that goes before it.
-        choices: list[_Choice] = [(start, (), ())]
-        for child in children:
-            above = self._ways(child, index, 0)
-            longer: list[_Choice] = [(region, (*after, child), before) for region, after, before in choices]
-            for mask, order in above.items():
-                for region, after, before in choices:
-                    if surviving(region & ~mask) & allowed:
-                        longer.append((region & ~mask, after, (*before, *order)))
-            choices = longer
-        found = _Ways()
-        for region, after, before in choices:
-            below = None if region in found else self._below(index, region, after)
-            if below is not None:
-                found[region] = (*before, index, *below)
-        return found
-
-    def _below(self, index: int, region: int, children: tuple[int, ...]) -> list[int] | None:
-        """Return an order of the subtrees of children that go after a grasp with this region; None if there is none."""
-        order: list[int] = []
-        for child in children:
-            ways = self._ways(child, index, region)
-            if not ways:
-                return None
-            order += next(iter(ways.values()))
-        return order
+                below = self._subtrees.regions(self._subtree(child, index), region)
+                after += self._ordered(child, index, region, next(iter(below)))
+        return [*before, index, *after]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from preshape.planner.area_problem import AreaProblem
 from preshape.planner.component import surviving
 from preshape.planner.literal_group import NO_GRASP, GraspGroup, Move, grasp_groups
-from preshape.planner.literal_order import GraspForest, GraspSpan
+from preshape.planner.literal_order import GraspForest, GraspSpan, Subtrees
 from preshape.planner.procedure import Block, Procedure
 from preshape.planner.region import WHOLE
 from preshape.planner.task_areas import Limits
@@ -61,11 +61,11 @@ def fewest_literal_moves(problem: AreaProblem, limit: int) -> tuple[Move, ...] |
 
 def _fewest(group: GraspGroup, limit: int) -> tuple[Move, ...] | None:
     """Return the fewest regrasps, 1 to `limit`, for a group that has no order without."""
-    groups, can_share = [group], _can_share(group)
+    groups, can_share, subtrees = [group], _can_share(group), Subtrees()
     for _ in range(limit):
         groups = [g for shorter in groups for g in shorter.longer() if can_share or not g.shares]
         for g in groups:
-            if GraspForest(g.spans).order() is not None:
+            if GraspForest(g.spans, subtrees).order() is not None:
                 return g.moves
     return None
 
