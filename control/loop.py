@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 
+from preshape.control.braking import Braking
 from preshape.control.controller import Controller, Setpoint
 from preshape.control.loop_result import LoopConfig, LoopOutcome, LoopResult
 from preshape.control.modes import WRITING, LoopEvent, LoopMode, next_mode
@@ -53,6 +54,7 @@ class ControlLoop:
         self.mode = LoopMode.DISARMED
         self.timing = LoopTiming(self.period_ns)
         self._device, self._clock, self._gate = device, clock, gate
+        self._braking = Braking(gate)
         self._observer, self._stopwatch = observer, stopwatch
         self._record = new_record()
         self._hash = hashlib.sha256()
@@ -138,7 +140,7 @@ class ControlLoop:
     def _take_orders(self, controller: Controller, now_ns: int, state: RobotState) -> None:
         """Change the mode for what has come from the device, the operator, or with time."""
         if self._stop_reason and self.mode is LoopMode.RUNNING:
-            self._gate.brake()
+            self._braking.begin()
             self._enter(LoopEvent.STOP, now_ns)
         elif self._stop_reason and self.mode in (LoopMode.ARMING, LoopMode.HOLDING):
             self._end(LoopEvent.STOP, LoopOutcome.STOPPED, self._stop_reason, now_ns)
@@ -158,16 +160,21 @@ class ControlLoop:
             self._end(LoopEvent.FAULT, LoopOutcome.SAFETY_STOP, reason, now_ns)
 
     def _pass_gate(self, now_ns: int, state: RobotState, setpoint: Setpoint | None) -> GateVerdict:
-        if setpoint is None:
-            verdict = self._gate.check(now_ns, state)
-        else:
-            verdict = self._gate.check(now_ns, state, setpoint.position, setpoint.torque_limit)
+        position = torque_limit = None
+        if setpoint is not None:
+            position, torque_limit = setpoint.position, setpoint.torque_limit
+        elif self.mode is LoopMode.STOPPING:
+            position, torque_limit = self._braking.step(), self._gate.torque_limit
+        self._braking.note()
+        verdict = self._gate.check(now_ns, state, position, torque_limit)
         if self.mode not in WRITING:
             return verdict
         if verdict is GateVerdict.STOPPED:
             self._end(LoopEvent.FAULT, LoopOutcome.SAFETY_STOP, self._gate.reason, now_ns)
         elif self.mode is LoopMode.STOPPING:
             self._judge_braking(now_ns)
+            if verdict is not GateVerdict.PASSED:
+                self._braking.begin()
         return verdict
 
     def _judge_braking(self, now_ns: int) -> None:

@@ -86,17 +86,19 @@ class Smoother:
         self.clamped = 0
         self.seed(0.5 * (LAYOUT.lower + LAYOUT.upper))
 
-    def seed(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Continue from a command: position (40,), rad, and velocity (40,), rad/s, at rest by default.
+    def seed(
+        self, position: ArrayLike, velocity: ArrayLike | None = None, acceleration: ArrayLike | None = None
+    ) -> None:
+        """Continue from a command: position (40,), rad, velocity, rad/s, and acceleration, rad/s2; at rest by default.
 
-        Velocities above the limit are cut to it; acceleration starts at zero. `ValueError` for another
-        shape or values that are not finite.
+        What is above its limit is cut to it. `ValueError` for another shape or values that are not finite.
         """
         position = _checked(position, "position")
-        speed = np.zeros(LAYOUT.dof) if velocity is None else _checked(velocity, "velocity")
+        speed = _STILL if velocity is None else _checked(velocity, "velocity")
+        change = _STILL if acceleration is None else _checked(acceleration, "acceleration")
         self.position = position
         self.velocity = np.clip(speed, -self.velocity_limit, self.velocity_limit)
-        self.acceleration = np.zeros(LAYOUT.dof)
+        self.acceleration = np.clip(change, -self.acceleration_limit, self.acceleration_limit)
         self._is_fed = False
 
     def update(

@@ -43,7 +43,7 @@ class SafetyGate:
         self._monitor = StateMonitor(self.config)
         self._limiter = StepLimiter(LIMITS, self.config.period_s)
         self._next, self._work = np.empty(LAYOUT.dof), np.empty(LAYOUT.dof)
-        self._armed = self._braking = self._tightened = False
+        self._armed = self._tightened = False
         self._reason = ""
         self._last_ns = 0
         self._counts: dict[str, int] = {name: 0 for name in COUNTED}
@@ -89,14 +89,12 @@ class SafetyGate:
             raise ValueError("reason: got an empty text, a stop must have a name")
         self._disarm(self._reason or reason)
 
-    def brake(self) -> None:
-        """From now on ignore requests and decelerate to rest as hard as the limits allow, until `arm`."""
-        self._braking = True
-
     def check(
         self, now_ns: int, state: RobotState, position: Vector | None = None, torque_limit: Vector | None = None
     ) -> GateVerdict:
-        """Judge one request (each (40,); None: no request) and advance the output by one period.
+        """Judge one request (each (40,)) and advance the output by one period.
+
+        Without a request, and where samples are too old, the output decelerates as hard as the limits allow.
 
         Raises:
             ValueError: the request has another shape.
@@ -109,14 +107,14 @@ class SafetyGate:
         self._last_ns = now_ns
         if not self._armed:
             return self._measured_output(state)
-        if self._braking or position is None or torque_limit is None or self.age_tier >= AgeTier.FREEZE:
+        if position is None or torque_limit is None or self.age_tier >= AgeTier.FREEZE:
             return self._brake_output()
         fault = _value_fault(position, torque_limit)
         return self._stop_output(fault, state) if fault else self._limit_output(state, position, torque_limit)
 
     def _disarm(self, reason: str) -> None:
         self._reason = reason
-        self._armed = self._braking = self._tightened = False
+        self._armed = self._tightened = False
         self.step[:] = 0.0
         self.torque_limit[:] = 0.0
 
