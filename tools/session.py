@@ -14,6 +14,7 @@ from preshape.control.loop_result import LoopResult
 from preshape.control.observer import Observer, Observers
 from preshape.control.work import Work
 from preshape.hal.clock import Clock, MonotonicClock
+from preshape.hal.device import DeviceUnreachable
 from preshape.hal.gate import SafetyGate
 from preshape.hal.kernel_warm_up import remember_signatures
 from preshape.hal.recorded_perception import Listener, RecordedPerception
@@ -36,6 +37,7 @@ from preshape.tools.recorder import Recorder
 from preshape.tools.rehearsal import prepare_kernels
 from preshape.tools.report import PlanReport
 from preshape.tools.run_course import Course, exit_code, run_report
+from preshape.tools.run_ended import Ended
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import plan_drawing, plan_report, plan_run
 from preshape.tools.run_result import RunResult
@@ -126,7 +128,7 @@ def run_session(
             if signals is not None:
                 signals.obey(course.loop)
             _run(course, world.clock, options.in_real_time)
-        finished = world.finish()
+        finished = _finish(world, course)
         parts = [part.note for part in (live, recorder) if part is not None]
         course.controller.work.notes += [note for note in parts if note]
     remember_signatures()
@@ -138,6 +140,15 @@ def run_session(
     evidence.plan = drawing
     kept = evidence if evidence.ticks or evidence.storyboard else None
     return RunResult(drawn, report, exit_code(report, course), kept)
+
+
+def _finish(world: RunWorld, course: Course) -> Ended:
+    try:
+        return world.finish()
+    except DeviceUnreachable as error:
+        work, result = course.controller.work, course.result
+        how = course.error if result is None else f"{result.outcome.value}, {result.reason}"
+        raise DeviceUnreachable(f"{error}; the run ended in task {work.task} ({work.phase}): {how}") from error
 
 
 def _wire_watch(options: RunOptions, seed: int) -> WireWatch | None:
