@@ -166,6 +166,30 @@ def test_a_module_that_stays_armed_after_a_quick_stop_is_named_once(script: Wire
     assert script.broken() == {"stop": len(MODULES)}
 
 
+def test_a_module_that_is_armed_long_after_the_last_command_is_named(script: WireScript) -> None:
+    # The last command came one period ago. Five periods and 10 ms are 20 ms.
+    script.time_s += 0.017
+    script.take("right_fore_heartbeat", state="armed")
+    script.take("right_fore_emergency", state="fault", error="watchdog")
+    assert script.broken() == {}
+    script.time_s += 0.002
+    script.take("right_fore_heartbeat", state="fault")
+    script.take("right_fore_emergency", state="fault", error="sensor")
+    assert script.broken() == {}
+    script.take("right_fore_heartbeat", state="armed")
+    script.take("right_ring_emergency", state="fault", error="watchdog")
+    assert script.broken() == {"silence": 2}
+    assert "right_fore: armed 0.021 s after the last command" in str(script.monitor.verdict().violations[0])
+
+
+def test_a_module_that_has_not_been_commanded_since_it_was_armed_may_wait(script: WireScript) -> None:
+    script.time_s += 1.0
+    script.arm()
+    script.time_s += 1.0
+    script.take("right_fore_heartbeat", state="armed")
+    assert script.broken() == {}
+
+
 def test_a_quick_stop_is_for_its_own_bus(script: WireScript) -> None:
     script.monitor.take(script.time_s, *frame("quick_stop"), channel="another")
     script.cycles(30)

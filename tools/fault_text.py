@@ -33,8 +33,8 @@ CAMPAIGNS: Mapping[str, str] = MappingProxyType(
         "sensor_freezes": "torque_freeze=right_fore@task2",
         "sensor_drifts": "torque_drift=right_fore:0.02@task2",
         "host_stalls": "host_stall_ms=8@task3+0.5",
-        "host_hangs": "host_stall_ms=200@task3+0.5",
         **{f"finger_dies{task}": f"node_death={side}_fore@task{task}+0.5" for task, side in HOLDING.items()},
+        **{f"host_hangs{task}": f"host_stall_ms=200@task{task}+0.5" for task in HOLDING},
         **{f"bus_off{task}": f"bus_off={side}_hand@task{task}+0.5" for task, side in HOLDING.items()},
     }
 )

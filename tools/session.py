@@ -155,7 +155,8 @@ def _wire_watch(options: RunOptions, seed: int) -> WireWatch | None:
     """Return what listens to the buses, where there are any and they are in this process."""
     if options.device != "can" or options.in_real_time:
         return None
-    return WireWatch(options.faults, can_setup(options).topology, 1.0 / options.rate_hz, seed)
+    topology = can_setup(options).topology
+    return WireWatch(options.faults, topology, 1.0 / options.rate_hz, seed, options.patience_cycles)
 
 
 def _telemetry(

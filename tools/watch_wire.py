@@ -17,6 +17,7 @@ import can
 
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.wire_monitor import PERIOD_S, WireMonitor, WireVerdict
+from preshape.tools.wire_rules import STOP_CYCLES
 
 POLL_S = 0.1
 
@@ -71,10 +72,13 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument("--channel", default="vcan0", help="default: %(default)s")
     parser.add_argument("--seconds", type=float, default=10.0, help="how long; default: %(default)g")
     parser.add_argument("--period-ms", type=float, default=PERIOD_S * 1e3, help="of commands; default: %(default)g")
+    parser.add_argument(
+        "--patience-cycles", type=int, default=STOP_CYCLES, help="periods without a command; default: %(default)s"
+    )
     options = parser.parse_args(arguments)
     if not options.period_ms > 0.0 or not options.seconds > 0.0:
         parser.error(f"got --period-ms {options.period_ms:g}, --seconds {options.seconds:g}, allowed is > 0")
-    monitor = WireMonitor(options.period_ms * 1e-3)
+    monitor = WireMonitor(options.period_ms * 1e-3, patience_cycles=options.patience_cycles)
     try:
         if options.log is not None:
             verdict = watch(monitor, frames_of_log(options.log))

@@ -40,6 +40,8 @@ class CommandRules:
         self._times: deque[float] = deque(maxlen=BURST)
         self._stopped: tuple[float, int] | None = None
         self.sent: deque[int] = deque(maxlen=REMEMBERED)
+        self.last_s: float | None = None
+        """When the last command was sent that was more than a poll."""
         self.torque_ratio = self.speed_ratio = 0.0
         """Largest torque limit and speed commanded, as shares of the joints' own limits."""
 
@@ -59,6 +61,7 @@ class CommandRules:
         yield from self._rate(time_s)
         if mode == "poll":
             return
+        self.last_s = time_s
         steps, self._sequence = (sequence - self._sequence) % SEQUENCES, sequence
         if session != self._session:
             self._session, self._last, self._moved, steps = session, None, False, 1

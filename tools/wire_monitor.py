@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from preshape.tools.wire_commands import CommandRules
-from preshape.tools.wire_rules import Positions, Violation
+from preshape.tools.wire_rules import STOP_CYCLES, Positions, Violation
 from preshape.tools.wire_states import StateRules
 from preshape.tools.wire_table import FrameTable, frame_tables
 
@@ -54,8 +54,16 @@ class WireVerdict:
 class WireMonitor:
     """Takes frames in the order in which they were on the wire."""
 
-    def __init__(self, period_s: float = PERIOD_S, tables: Mapping[int, FrameTable] | None = None) -> None:
-        """Expect one command of each group every period; `tables` describe the frames (default: the shipped DBC)."""
+    def __init__(
+        self,
+        period_s: float = PERIOD_S,
+        tables: Mapping[int, FrameTable] | None = None,
+        patience_cycles: int = STOP_CYCLES,
+    ) -> None:
+        """Expect one command of each group every period; `tables` describe the frames (default: the shipped DBC).
+
+        Modules may wait for commands for `patience_cycles` periods.
+        """
         self._tables = frame_tables() if tables is None else tables
         self._frames: Counter[str] = Counter()
         self._broken: Counter[str] = Counter()
@@ -70,7 +78,9 @@ class WireMonitor:
             if table.kind == "command"
         }
         self._states = {
-            table.owner: StateRules(table, positions, self._commands[_group_of(table, self._tables)], period_s)
+            table.owner: StateRules(
+                table, positions, self._commands[_group_of(table, self._tables)], period_s, patience_cycles
+            )
             for table in self._tables.values()
             if table.kind == "state"
         }
@@ -95,8 +105,12 @@ class WireMonitor:
         elif table.kind == "state":
             self._channels[table.owner] = channel
             self._note(self._states[table.owner].judge(time_s, data))
+        elif table.kind == "heartbeat":
+            self._note(self._states[table.owner].judge_beat(time_s, table.word("state", data) == "armed"))
+        elif table.kind == "emergency" and table.word("error", data) == "watchdog":
+            self._note(self._states[table.owner].judge_watchdog(time_s))
         elif table.kind == "request" and _arms(table, data):
-            self._states[table.owner].told_to_arm()
+            self._states[table.owner].told_to_arm(time_s)
 
     def verdict(self) -> WireVerdict:
         """Return what was seen so far."""

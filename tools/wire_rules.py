@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from preshape.hal.state import Vector
 
 STOP_CYCLES, STOP_S = 5, 0.010
-"""After a quick stop nothing is armed, and no motion is commanded, later than so many periods and this time, s."""
+"""After a quick stop nothing is armed, and no motion is commanded, later than so many periods and this time, s.
+So it is after the last command."""
 REPORT_CYCLES = 10
 """The first target equals a position that was reported within so many periods before it."""
 
 
-def stop_limit_s(period_s: float) -> float:
+def stop_limit_s(period_s: float, cycles: int = STOP_CYCLES) -> float:
     """Return how long after a quick stop something may still move, when commands come every period, s."""
-    return STOP_CYCLES * period_s + STOP_S
+    return cycles * period_s + STOP_S
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,9 +19,14 @@ TORQUE_RATIO, TORQUE_S = 1.2, 0.010
 class StateRules:
     """Of one module's states: torque, the sequence they echo, and that nothing is armed that was not told to be."""
 
-    def __init__(self, table: FrameTable, positions: Positions, commands: CommandRules, period_s: float) -> None:
-        """Judge the states that a table describes, of a module that obeys a group's commands, one every period."""
-        self._stop_s = stop_limit_s(period_s)
+    def __init__(
+        self, table: FrameTable, positions: Positions, commands: CommandRules, period_s: float, patience: int
+    ) -> None:
+        """Judge the states that a table describes, of a module that obeys a group's commands, one every period.
+
+        It stops by itself after `patience` periods without any.
+        """
+        self._stop_s, self._patience_s = stop_limit_s(period_s), stop_limit_s(period_s, patience)
         self._table, self._positions, self._commands = table, positions, commands
         self._position, self._torque = table.columns["position"], table.columns["torque"]
         self._indices = self._position.indices
@@ -29,13 +34,14 @@ class StateRules:
         self._over_since: Vector = np.full(len(self._indices), np.inf)
         self._armed = self._told = False
         self._stopped_s: float | None = None
+        self._told_s = 0.0
         self._said = False
         self.torque_ratio = 0.0
         """Largest torque reported, as a share of the joint's limit."""
 
-    def told_to_arm(self) -> None:
+    def told_to_arm(self, time_s: float) -> None:
         """Note that the controller has told this module to arm."""
-        self._told, self._stopped_s = True, None
+        self._told, self._told_s, self._stopped_s = True, time_s, None
 
     def stop(self, time_s: float) -> None:
         """Note a quick stop."""
@@ -61,6 +67,23 @@ class StateRules:
         sequence = self._table.number("sequence", data)
         if self._table.number("taken", data) and sequence not in self._commands.sent:
             yield self._broken(time_s, "sequence", f"took command {sequence}, which nobody sent")
+
+    def judge_beat(self, time_s: float, armed: bool) -> Iterator[Violation]:
+        """Tell what is wrong with a heartbeat: armed although nobody commands any more."""
+        silent_s = self._silent_s(time_s)
+        if armed and silent_s > self._patience_s:
+            yield self._broken(time_s, "silence", f"armed {silent_s:.3f} s after the last command")
+
+    def judge_watchdog(self, time_s: float) -> Iterator[Violation]:
+        """Tell what is wrong with the message that nobody has commanded for too long: that it comes late."""
+        silent_s = self._silent_s(time_s)
+        if silent_s > self._patience_s:
+            yield self._broken(time_s, "silence", f"stopped only {silent_s:.3f} s after the last command")
+
+    def _silent_s(self, time_s: float) -> float:
+        """Return for how long nobody has commanded; 0 where no command has come since the module was armed."""
+        last_s = self._commands.last_s
+        return 0.0 if last_s is None or last_s < self._told_s else time_s - last_s
 
     def _judge_torque(self, time_s: float, torque: Vector) -> Iterator[Violation]:
         ratio = torque / self._limit

@@ -17,6 +17,7 @@ from preshape.tools.fault_director import FaultDirector
 from preshape.tools.fault_text import parse_faults
 from preshape.tools.report import FaultReport, WireReport
 from preshape.tools.wire_monitor import WireMonitor, WireVerdict
+from preshape.tools.wire_rules import STOP_CYCLES
 
 BUSES_A_SEED = 16
 """Seeds of a run's buses are this far apart from the next run's."""
@@ -29,15 +30,17 @@ class WireWatch:
     does not judge.
     """
 
-    def __init__(self, faults: str, topology: Topology, period_s: float, seed: int) -> None:
-        """Plan a run's faults, drawn by its seed; commands come every `period_s`.
+    def __init__(
+        self, faults: str, topology: Topology, period_s: float, seed: int, patience_cycles: int = STOP_CYCLES
+    ) -> None:
+        """Plan a run's faults, drawn by its seed; commands come every `period_s`, modules stop after so many without.
 
         Raises:
             ConfigurationError: the text is not one of faults.
         """
         self._faults, self._topology, self._seed = faults, topology, seed
         self._plan = parse_faults(faults, topology)
-        self._monitor = WireMonitor(period_s)
+        self._monitor = WireMonitor(period_s, patience_cycles=patience_cycles)
         self._judged = all(bus.profile == "fd" for bus in topology.buses)
         self._buses: dict[str, FaultyBus] = {}
         self._director: FaultDirector | None = None
