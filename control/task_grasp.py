@@ -12,6 +12,7 @@ from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip, cage_grip
 from preshape.control.motions import Motion, between, eased, lead_fingers, lead_palm, ticks, together, wait, wait_for
 from preshape.control.opening_finder import GLANCE_VIEW_ANGLE, Verdict, decide, find_opening
+from preshape.control.procedure_areas import components_left, realizes
 from preshape.control.work import Work
 from preshape.hal.layout import Side
 from preshape.hal.state import Vector
@@ -78,7 +79,8 @@ def back_off(X_world_palm: Matrix, distance: float) -> Matrix:
 def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collection[Face] = ()) -> GraspChoice:
     """Return the reachable grip with the best postures; those that show the likely face well come first.
 
-    Grips with the fingers on a face of `tried` come last.
+    Only grips of components that the procedure's areas leave to the hand count. Those with the fingers on a face of
+    `tried` come last.
     """
     X_world_box = work.sight.X_world_box
     caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
@@ -86,10 +88,14 @@ def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collect
     beside: list[Face] = [
         f for f in FACES if f[1] != end[1] and f not in work.box.candidate_faces and opposite(f) in FACES
     ]
+    left = components_left(work.box, None, {}, "right", 1)
     choices: list[tuple[float, GraspChoice]] = []
     causes: list[str] = []
     for finger_face in beside:
         grip = cage_grip(work.box.size, end, finger_face, "right")
+        if not any(realizes(grip, component) for component in left):
+            causes.append(f"fingers on {finger_face}: none of the components left to the right hand")
+            continue
         choice = _postures(work, grip, finger_face, end, place)
         if isinstance(choice, str):
             causes.append(f"fingers on {finger_face}: {choice}")

@@ -20,6 +20,7 @@ places that suit opening it."""
 HANDS: tuple[Hand, Hand] = ("r", "l")
 RESOURCES: tuple[Resource, Resource, Resource] = ("r", "l", "c")
 SIDE_OF: dict[Hand, Side] = {"r": "right", "l": "left"}
+HAND_OF: dict[Side, Hand] = {side: hand for hand, side in SIDE_OF.items()}
 
 _WANTS: dict[Resource, tuple[Want, ...]] = {
     "r": ("grasp", "opening"),

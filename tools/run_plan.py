@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from preshape.control.grips import Grip
+from preshape.control.procedure_areas import finger_face, palm_face, procedure_areas, realizes
 from preshape.hal.layout import Side
-from preshape.hal.transform import Matrix
-from preshape.hal.world import FACES, Face, NominalBox, Opening, face_normal
-from preshape.planner.areas import Areas, BlockArea, plan_areas
-from preshape.planner.component import Component
+from preshape.hal.world import NominalBox, Opening
+from preshape.planner.areas import Areas, BlockArea
 from preshape.planner.hand_kinematics import hand_kinematics
 from preshape.planner.priorities import priority_table
-from preshape.planner.procedure import PAPER_PROCEDURE, SIDE_OF, Block
+from preshape.planner.procedure import PAPER_PROCEDURE, SIDE_OF
 from preshape.tools.plan_drawing import GraspDrawing, PartDrawing, PlanDrawing
 from preshape.tools.report import GripReport, PlanReport
 
@@ -32,33 +31,9 @@ class RunPlan:
 
 def plan_run(box: NominalBox, opening: Opening | None, grips: Mapping[Side, Grip]) -> RunPlan:
     """Plan the procedure's areas; where a grip was carried out, its component is the one chosen."""
-
-    def choose(block: Block, candidates: tuple[Component, ...]) -> Component:
-        grip = None if block.resource == "c" else grips.get(SIDE_OF[block.resource])
-        matching = [] if grip is None else [c for c in candidates if _fits(c, grip)]
-        return (matching or list(candidates))[0]
-
     started = time.perf_counter()
-    areas = plan_areas(PAPER_PROCEDURE, box, opening, choose=choose)
+    areas = procedure_areas(box, opening, grips)
     return RunPlan(areas, dict(grips), (time.perf_counter() - started) * 1e3)
-
-
-def palm_face(grip: Grip) -> Face:
-    """Return the face that the palm's z axis looks against."""
-    return _against(grip.X_box_palm[:3, 2])
-
-
-def finger_face(grip: Grip) -> Face:
-    """Return the face that the palm's x axis, from fingers to thumb, looks against."""
-    return _against(grip.X_box_palm[:3, 0])
-
-
-def _against(direction: Matrix) -> Face:
-    return max(FACES, key=lambda face: float(-direction @ face_normal(face)))
-
-
-def _fits(component: Component, grip: Grip) -> bool:
-    return component.palm == palm_face(grip) and finger_face(grip) in component.pair
 
 
 def _grasps(plan: RunPlan) -> list[BlockArea]:
@@ -95,7 +70,7 @@ def _grasp_drawing(plan: RunPlan, area: BlockArea) -> GraspDrawing | None:
     side = None if area.block.resource == "c" else SIDE_OF[area.block.resource]
     grip = None if side is None else plan.grips.get(side)
     component = area.chosen
-    if side is None or grip is None or component is None or not _fits(component, grip):
+    if side is None or grip is None or component is None or not realizes(grip, component):
         return None
     boxes = component.preshaping_boxes(*plan.areas.sections.corners(component.section))
     box = next(box for box in boxes if box.finger_face == finger_face(grip))
