@@ -13,6 +13,7 @@ from preshape.hal.answers import AnyAnswer, ImageAnswer, ObstaclesAnswer
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.transform import Matrix
 from preshape.hal.world import FACES, CameraModel, NominalBox, Workcell, face_normal
+from preshape.tools.lid_estimate import LidEstimate
 from preshape.tools.rerun_robot import SOLID
 from preshape.tools.rerun_stream import RerunStream
 
@@ -50,7 +51,9 @@ class RerunScene:
     def __init__(self, stream: RerunStream, cell: Workcell, box: NominalBox) -> None:
         """Draw what is fixed."""
         self._stream, self._box = stream, box
+        self._X_world_base = cell.X_world_base["right"]
         self._opening: tuple[int, int, float] | None = None
+        self._estimate: LidEstimate | None = None
         stream.keep("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         for static in cell.statics:
             X, path = static.X_world_box, f"world/{static.name}"
@@ -67,6 +70,7 @@ class RerunScene:
         self._stream.send("world/object", seen["now_ns"], columns)
         if len(records):
             self._draw_opening(records[-1])
+        self._turn_lid(records)
 
     def add_answer(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> None:
         """Draw what the controller has been told: obstacles where they are seen, an image as it was taken."""
@@ -104,10 +108,25 @@ class RerunScene:
         found = int(record["opening_face"]), int(record["opening_edge"]), float(record["opening_offset"])
         if found[0] < 0 or found == self._opening:
             return
-        self._opening = found
+        self._opening, self._estimate = found, LidEstimate.of_record(self._X_world_base, self._box, record)
         centers, halves = opening_boxes(self._box, *found)
         at = np.array([int(record["now_ns"])])
         for name, center, half, color in zip(("lid", "tab"), centers, halves, (LID, TAB), strict=True):
             path = f"world/object/{name}"
             self._stream.keep(path, rr.Boxes3D.from_fields(colors=color, fill_mode=SOLID))
             self._stream.send(path, at, rr.Boxes3D.columns(half_sizes=[half], centers=[center]))
+
+    def _turn_lid(self, records: TickRecord) -> None:
+        """Move tab and lid as far as the thumb has moved them."""
+        estimate = self._estimate
+        if estimate is None:
+            return
+        moved = [
+            (record["now_ns"], estimate.X_box_lid, estimate.X_box_tab) for record in records if estimate.update(record)
+        ]
+        if not moved:
+            return
+        now_ns, *poses = (np.array(column) for column in zip(*moved, strict=True))
+        for name, X in zip(("lid", "tab"), poses, strict=True):
+            columns = rr.Transform3D.columns(translation=X[:, :3, 3], mat3x3=X[:, :3, :3])
+            self._stream.send(f"world/object/{name}", now_ns, columns)
