@@ -20,6 +20,8 @@ from preshape.planner.arm_chain import posture_chain
 
 PREGRASP_M = 0.14
 """Distance of the left palm from its grasp pose at which the field takes over, m."""
+WAY_POSES = 6
+"""Palm poses from the pre-grasp to the grasp of a box at rest for which postures are chosen together."""
 STILL_S = 0.4
 """How long the box rests after it has been moved aside, s."""
 EASED = 0.6
@@ -47,7 +49,7 @@ def settle(work: Work, grip: Grip, carrier: Carrier) -> Motion:
 def reach_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
     """Bring the open left hand around the free end; where there is no way, hold the box elsewhere and try again.
 
-    Nothing has been touched yet, so the left hand can draw back and come again.
+    Nothing has been touched yet, so the left hand can draw back and come again, by postures that lead all the way.
     """
     X_palm = work.body.asked_palm("right")
     for place in ELSEWHERE:
@@ -56,12 +58,10 @@ def reach_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
                 work.phase = "move aside"
                 yield from work.travel_to_palm("right", transform(place) @ X_palm)
                 yield from wait(work.body, STILL_S)
-            yield from surround_end(work, guide, grip)
+            yield from surround_end(work, guide, grip, again=any(place))
             return
         except TaskFailed as failed:
-            last = place == ELSEWHERE[-1]
-            hampered = work.carry.moves or work.sight.obstacles
-            if last or not hampered or failed.kind not in ("stalled", "unreachable", "timed out"):
+            if place == ELSEWHERE[-1] or failed.kind not in ("stalled", "unreachable", "timed out"):
                 raise
             work.notes.append(f"reach end: {failed.cause}; held elsewhere")
             if work.phase not in ("travel", "move aside"):
@@ -82,24 +82,26 @@ def _postures(work: Work, grip: Grip) -> tuple[Vector, Vector]:
 
 
 def _following(work: Work, grip: Grip) -> tuple[Vector, Vector] | None:
-    """Return such postures from which the left arm can follow a box that moves, None for a box at rest or if it cannot.
+    """Return such postures, chosen for the whole way and for all places of a box that moves; None if there are none.
 
-    A posture chosen for the middle of the sweep alone may meet a joint limit at its ends.
+    A posture chosen for the way's end, or for the middle of the sweep alone, may meet a joint limit before.
     """
-    if not work.carry.moves:
-        return None
-    boxes = sweep(work.sight.X_world_box, work.carry)
-    palms = [X @ back_off(grip.X_box_palm, PREGRASP_M) for X in boxes] + [X @ grip.X_box_palm for X in boxes]
+    X_world_box, moves = work.sight.X_world_box, work.carry.moves
+    boxes = sweep(X_world_box, work.carry) if moves else [X_world_box]
+    # What a box sweeps is wider than the way to it: there the way's two ends will do.
+    way = np.linspace(PREGRASP_M, 0.0, 2 if moves else WAY_POSES)
+    palms = [X @ back_off(grip.X_box_palm, d) for d in way for X in boxes]
     base, near = work.cell.X_world_base["left"], work.body.asked_arm("left")
     chain = posture_chain("left", base, np.array(palms), near)
-    return None if chain is None else (chain[0], chain[len(boxes)])
+    return None if chain is None else (chain[0], chain[-len(boxes)])
 
 
-def surround_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
+def surround_end(work: Work, guide: FieldGuide, grip: Grip, again: bool = False) -> Motion:
     """Bring the open left hand to the free end and around it, with a box that may move, and wait until it rests."""
     body = work.body
     work.phase = "travel"
-    q_start, q_grasp = _following(work, grip) or _postures(work, grip)
+    following = _following(work, grip) if work.carry.moves or again else None
+    q_start, q_grasp = following or _postures(work, grip)
     yield from lead_fingers(body, "left", grip.preshape)
     yield from work.travel("left", q_start)
     body.prefer_posture("left", q_grasp)

@@ -49,6 +49,4 @@ def can_setup(options: RunOptions) -> CanSetup:
         require_fit(topology, options.rate_hz)
     except BudgetExceeded as error:
         raise ConfigurationError(f"--rate-hz: {error}") from error
-    return CanSetup(
-        topology, addresses, CanDeviceConfig(period_s=1.0 / options.rate_hz, lost_cycles=options.patience_cycles)
-    )
+    return CanSetup(topology, addresses, CanDeviceConfig(period_s=1.0 / options.rate_hz, lost_cycles=options.patience))

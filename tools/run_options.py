@@ -26,6 +26,11 @@ LONGEST_S = 3600.0
 """Longest time limit, s."""
 
 
+PATIENCE, STALLING_PATIENCE = 5, 10
+"""Cycles that joints wait for a command: as the modules' firmware does, and on a machine whose cores are taken away
+for 10 to 17 ms now and then, as a virtual machine's are."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
     """How a run is done.
@@ -39,8 +44,8 @@ class RunOptions:
             virtual, udp_multicast when paced.
         channel: of the buses, one for each; one socketcan channel alone carries all of them.
         profile: frames of the buses: CAN FD, or classic CAN, which carries less.
-        patience_cycles: cycles without a command until a module stops by itself, and without an answer until a
-            module counts as lost.
+        patience_cycles: cycles without a command until the joints stop by themselves, and without an answer until a
+            module counts as lost; 0: 5 of them, or 10 for MuJoCo in real time, where it is the machine that stalls.
         attach: the modules and the scene are those of a running `preshape hand-bus`.
         remote: where that server is found.
         field: minimum distance per group (the paper), or every bounding box by itself (its baseline).
@@ -65,7 +70,7 @@ class RunOptions:
     interface: str = ""
     channel: tuple[str, ...] = ()
     profile: ProfileName = "fd"
-    patience_cycles: int = 5
+    patience_cycles: int = 0
     attach: bool = False
     remote: RemoteOptions = RemoteOptions()
     field: FieldName = "grouped"
@@ -83,8 +88,8 @@ class RunOptions:
     def __post_init__(self) -> None:
         if self.rate_hz not in RATES_HZ:
             raise ConfigurationError(f"--rate-hz: got {self.rate_hz}, allowed are {', '.join(map(str, RATES_HZ))}")
-        if not 1 <= self.patience_cycles <= MOST_PATIENCE:
-            raise ConfigurationError(f"--patience-cycles: got {self.patience_cycles}, allowed is 1 .. {MOST_PATIENCE}")
+        if not 0 <= self.patience_cycles <= MOST_PATIENCE:
+            raise ConfigurationError(f"--patience-cycles: got {self.patience_cycles}, allowed is 0 .. {MOST_PATIENCE}")
         if self.device != "can":
             self._refuse_bus_options()
         elif self.interface == "virtual" and self.in_real_time:
@@ -103,6 +108,12 @@ class RunOptions:
             raise ConfigurationError(f"--until-task: got {self.until_task}, allowed is 1 .. {TASKS}")
         if not 0.0 < self.time_limit_s <= LONGEST_S:
             raise ConfigurationError(f"--time-limit-s: got {self.time_limit_s:g}, allowed is > 0 and <= {LONGEST_S:g}")
+
+    @property
+    def patience(self) -> int:
+        """Cycles without a command until the joints stop by themselves."""
+        stalls = self.in_real_time and self.device == "mujoco"
+        return self.patience_cycles or (STALLING_PATIENCE if stalls else PATIENCE)
 
     @property
     def in_real_time(self) -> bool:

@@ -156,7 +156,7 @@ def _wire_watch(options: RunOptions, seed: int) -> WireWatch | None:
     if options.device != "can" or options.in_real_time:
         return None
     topology = can_setup(options).topology
-    return WireWatch(options.faults, topology, 1.0 / options.rate_hz, seed, options.patience_cycles)
+    return WireWatch(options.faults, topology, 1.0 / options.rate_hz, seed, options.patience)
 
 
 def _telemetry(
