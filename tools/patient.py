@@ -12,9 +12,9 @@ from preshape.hal.state import RobotState, Vector
 from preshape.hal.tick_record import TickRecord
 from preshape.tools.real_time import THINKING_PRIORITY, give_up_priority, take_priority
 
-PATIENCE_S = 0.0026
-"""How long a tick waits for its step before it holds, s: to begin the next tick late by half a period disturbs a motion
-less than to stand still for one."""
+PATIENT_PERIODS = 1.3
+"""How long a tick waits for its step before it holds, periods: to begin the next tick late by half a period disturbs a
+motion less than to stand still for one."""
 LONG_TICKS = 5
 """A step that has made so many ticks hold is planning. It goes on without priority: a kernel stops threads that keep a
 core to themselves for most of a second, and this one would be stopped with the interpreter's lock in its hand."""
@@ -36,7 +36,7 @@ class PatientController:
     next state; its ticks count its own steps. `held` counts the ticks that repeated.
     """
 
-    def __init__(self, inner: Controller, patience_s: float = PATIENCE_S) -> None:
+    def __init__(self, inner: Controller, patience_s: float) -> None:
         """Wrap a controller; a tick waits `patience_s` for its step."""
         self._inner, self._patience_s = inner, patience_s
         self._asked: SimpleQueue[_Step | None] = SimpleQueue()

@@ -30,7 +30,7 @@ from preshape.tools.controller_setup import ControllerSetup, setup_of
 from preshape.tools.evidence import Evidence
 from preshape.tools.feasibility import impossibility
 from preshape.tools.lift_plan import lift_drawing, lift_report
-from preshape.tools.patient import PatientController
+from preshape.tools.patient import PATIENT_PERIODS, PatientController
 from preshape.tools.plan_drawing import PlanDrawing
 from preshape.tools.real_time import empty_lateness, real_time
 from preshape.tools.recorder import Recorder
@@ -51,8 +51,6 @@ from preshape.tools.wire_watch import WireWatch
 
 EMPTY_TICKS = 500
 """Ticks of the empty loop that a paced run is measured beside."""
-PATIENT_SHARE = 0.7
-"""Share of a period that a tick in real time waits for its step before it holds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,7 +195,7 @@ def _run(course: Course, clock: Clock, paced: bool) -> None:
 
 def _run_paced(course: Course, clock: Clock) -> LoopResult:
     period_s = course.loop.period_ns * 1e-9 / (clock.pace if isinstance(clock, MonotonicClock) else 1.0)
-    with PatientController(course.controller, PATIENT_SHARE * period_s) as patient, real_time():
+    with PatientController(course.controller, PATIENT_PERIODS * period_s) as patient, real_time():
         course.empty = empty_lateness(clock, course.loop.period_ns, EMPTY_TICKS)
         course.start_s = clock.now_ns() * 1e-9
         try:
