@@ -113,15 +113,17 @@ def _postures(work: Work, grip: Grip, finger_face: Face, end: Face, place: AirPl
     X_grasp = work.sight.X_world_box @ grip.X_box_palm
     face = shown_face(grip)
     carried = work.collision(held=HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2))
+    # The nearer pre-grasp is where the field has led the hand by the time it surrounds the box.
+    distances = (PREGRASP_M, STANDOFF_M) if work.sight.obstacles else (PREGRASP_M,)
     poses = {
-        "pre-grasp": (back_off(X_grasp, PREGRASP_M), work.collision()),
-        "grasp": (X_grasp, work.collision(exempt=(("right_hand", "box"),))),
-        "lift": (transform((0.0, 0.0, LIFT_M)) @ X_grasp, carried),
+        "pre-grasp": ([back_off(X_grasp, distance) for distance in distances], work.collision()),
+        "grasp": ([X_grasp], work.collision(exempt=(("right_hand", "box"),))),
+        "lift": ([transform((0.0, 0.0, LIFT_M)) @ X_grasp], carried),
     }
     near = work.body.asked_arm("right")
     postures: list[Vector] = []
-    for name, (X, model) in poses.items():
-        q = work.posture("right", X, model, near)
+    for name, (Xs, model) in poses.items():
+        q = next((q for X in Xs if (q := work.posture("right", X, model, near)) is not None), None)
         if q is None:
             return f"{name} pose out of reach"
         postures.append(q)

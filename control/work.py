@@ -44,8 +44,8 @@ CARRY_ACCELERATION = 0.3
 """Largest acceleration of a held box's centre and ends while it is carried, m/s^2: more makes it slide in the grip."""
 CARRY_TURN_SPEED = 0.45
 """Largest turning speed of a held box, rad/s."""
-CLEARANCE_M = 0.020
-"""Clearance that chosen arm postures keep from everything they must not touch, m."""
+CLEARANCE_M, CLOSE_M = 0.020, 0.008
+"""Clearance that chosen arm postures keep from everything they must not touch, and where obstacles leave no more, m."""
 
 
 @dataclass(slots=True, eq=False)
@@ -103,9 +103,13 @@ class Work:
     ) -> Vector | None:
         """Return arm joints (7) for a palm pose near a posture (default: as asked now), or None if out of reach."""
         near = self.body.asked_arm(side) if near is None else near
-        query = ReachQuery(margin_m=CLEARANCE_M)
-        found = reach(side, self.cell.X_world_base[side], X_world_palm, model, self.body.asked_arms(), query, near=near)
-        return found.q if found.status is ReachStatus.REACHABLE else None
+        base, q_arms = self.cell.X_world_base[side], self.body.asked_arms()
+        # Obstacles are taken for larger than they are already.
+        for margin in (CLEARANCE_M, CLOSE_M) if self.sight.obstacles else (CLEARANCE_M,):
+            found = reach(side, base, X_world_palm, model, q_arms, ReachQuery(margin_m=margin), near=near)
+            if found.status is ReachStatus.REACHABLE:
+                return found.q
+        return None
 
     def travel(self, side: Side, q: Vector, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()) -> Motion:
         """Bring one arm to joint angles (7) on a path free of coarse collisions; `TaskFailed` if there is none.
