@@ -102,7 +102,6 @@ class BoxOpening(ProcedureControl):
         """
         work = self.work
         likely: Face | None = None
-        unseen: list[Face] = list(work.box.candidate_faces)
         for _ in range(GRASPS):
             yield from self.grasped(1, partial(self._take, likely), lambda: let_go(work, "right"))
             if self.until_task == 1:
@@ -112,7 +111,8 @@ class BoxOpening(ProcedureControl):
             if found and work.opening is not None and work.seen_at is not None:
                 self._report_opening(work.opening, work.seen_at)
                 return
-            unseen = [other for other in unseen if other != face]
+            work.blank.add(face)
+            unseen: list[Face] = [other for other in work.box.candidate_faces if other not in work.blank]
             if not unseen:
                 break
             likely = unseen[0]

@@ -79,8 +79,8 @@ def back_off(X_world_palm: Matrix, distance: float) -> Matrix:
 def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collection[Face] = ()) -> GraspChoice:
     """Return the reachable grip with the best postures; those that show the likely face well come first.
 
-    Only grips of components that the procedure's areas leave to the hand count. Those with the fingers on a face of
-    `tried` come last.
+    Only grips of components that the procedure's areas leave to the hand count, and none that shows a face again which
+    has no opening. Those with the fingers on a face of `tried` come last.
     """
     X_world_box = work.sight.X_world_box
     caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
@@ -95,6 +95,9 @@ def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collect
         grip = cage_grip(work.box.size, end, finger_face, "right")
         if not any(realizes(grip, component) for component in left):
             causes.append(f"fingers on {finger_face}: none of the components left to the right hand")
+            continue
+        if shown_face(grip) in work.blank:
+            causes.append(f"fingers on {finger_face}: shows {shown_face(grip)}, which has no opening")
             continue
         choice = _postures(work, grip, finger_face, end, place)
         if isinstance(choice, str):

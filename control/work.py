@@ -19,7 +19,7 @@ from preshape.control.sight import Sight
 from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, log_so3, transform
-from preshape.hal.world import NominalBox, Opening, OrientedBox, TextureLibrary, Workcell
+from preshape.hal.world import Face, NominalBox, Opening, OrientedBox, TextureLibrary, Workcell
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.arm_kinematics import palm_pose
@@ -53,8 +53,9 @@ class Work:
     """The shared ground of one procedure; `task` and `phase` are what observers are told.
 
     `box` is the object's outer size and what may open, `target` its parts as the planner knows them. `library` is
-    the known look of an opening, None for an object that has none. `stood_at` is the box's pose where it was taken
-    from, `seen_at` its pose when the opening was found (world); `plan` is the one that grips were chosen from.
+    the known look of an opening, None for an object that has none; `blank` are faces that were seen to have none.
+    `stood_at` is the box's pose where it was taken from, `seen_at` its pose when the opening was found (world); `plan`
+    is the one that grips were chosen from.
     """
 
     cell: Workcell
@@ -67,6 +68,7 @@ class Work:
     carry: CarryOptions
     library: TextureLibrary | None = None
     opening: Opening | None = None
+    blank: set[Face] = field(default_factory=set)
     grips: dict[Side, Grip] = field(default_factory=dict)
     seen_at: Matrix | None = None
     stood_at: Matrix | None = None
