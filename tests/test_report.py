@@ -25,6 +25,7 @@ from preshape.tools.run_options import RunOptions
 from preshape.tools.run_result import RunResult
 from preshape.tools.series import Series
 from preshape.tools.session import run_session
+from preshape.tools.stop_signals import StopSignals
 from preshape.tools.svg_plot import Plot, envelope, svg
 
 CONTRACT: dict[str, tuple[str, ...]] = {
@@ -158,7 +159,8 @@ class Interrupting:
 def test_an_interrupt_brakes_and_is_reported_as_a_stop() -> None:
     before = signal.getsignal(signal.SIGINT)
     options = RunOptions(time_limit_s=2.0, record=False, pictures=False)
-    result = run_session(load_scenario("tea_box"), 0, options, [Interrupting(20)])
+    with StopSignals() as signals:
+        result = run_session(load_scenario("tea_box"), 0, options, [Interrupting(20)], signals=signals)
     assert result.exit_code == ExitCode.SAFETY_STOP
     assert result.report.loop.outcome == "stopped"
     assert result.report.cause is not None and "interrupted from the keyboard" in result.report.cause
