@@ -17,7 +17,7 @@ from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
 from preshape.control.let_go import let_go
 from preshape.control.motions import Motion
-from preshape.control.opening_frame import opening_frame
+from preshape.control.opening_frame import hinge_distance, opening_frame
 from preshape.control.opening_motion import HandWaypoint, open_motion, push_motion
 from preshape.control.procedure_control import ProcedureControl
 from preshape.control.sight import Sight
@@ -89,8 +89,7 @@ class BoxOpening(ProcedureControl):
         if self.until_task < 4:
             return
         toward = self._toward(opening)
-        depth = float(np.abs(face_normal(opening.edge)) @ self.work.box.size)
-        motions = (push_motion(toward), open_motion(toward, depth - self.work.box.tab_size[1] / 2))
+        motions = (push_motion(toward), open_motion(toward, hinge_distance(self.work.box, opening)))
         yield from self.task(4, self._crush(opening, end, motions))
         if self.until_task == 5:
             yield from self.task(5, play(self.work, opening, self._courses[1]))

@@ -17,3 +17,8 @@ def opening_frame(box: NominalBox, opening: Opening) -> Matrix:
         normal * (np.abs(normal) @ half) + edge * (np.abs(edge) @ half - box.tab_size[1] / 2) + along * opening.offset
     )
     return transform(origin, np.column_stack([edge, np.cross(normal, edge), normal]))
+
+
+def hinge_distance(box: NominalBox, opening: Opening) -> float:
+    """Return the distance of the lid's hinge from the opening frame's origin, towards -x, m."""
+    return float(np.abs(face_normal(opening.edge)) @ box.size) - float(box.tab_size[1]) / 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip
@@ -31,6 +31,11 @@ def _against(direction: Matrix) -> Face:
 def realizes(grip: Grip, component: Component) -> bool:
     """Return whether a grip has its palm and its fingers on a component's patches."""
     return component.palm == palm_face(grip) and finger_face(grip) in component.pair
+
+
+def lies_in(grip: Grip, components: Iterable[Component]) -> bool:
+    """Return whether a grip realizes one of some components."""
+    return any(realizes(grip, component) for component in components)
 
 
 def procedure_areas(box: NominalBox, opening: Opening | None, grips: Mapping[Side, Grip]) -> Areas:

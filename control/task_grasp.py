@@ -12,7 +12,7 @@ from preshape.control.failure import TaskFailed
 from preshape.control.grips import Grip, cage_grip
 from preshape.control.motions import Motion, between, eased, lead_fingers, lead_palm, ticks, together, wait, wait_for
 from preshape.control.opening_finder import GLANCE_VIEW_ANGLE, Verdict, decide, find_opening
-from preshape.control.procedure_areas import components_left, realizes
+from preshape.control.procedure_areas import components_left, lies_in
 from preshape.control.work import Work
 from preshape.hal.layout import Side
 from preshape.hal.state import Vector
@@ -93,7 +93,7 @@ def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collect
     causes: list[str] = []
     for finger_face in beside:
         grip = cage_grip(work.box.size, end, finger_face, "right")
-        if not any(realizes(grip, component) for component in left):
+        if not lies_in(grip, left):
             causes.append(f"fingers on {finger_face}: none of the components left to the right hand")
             continue
         if shown_face(grip) in work.blank:

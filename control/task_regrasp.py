@@ -9,7 +9,7 @@ from preshape.control.carrier import Carrier, sweep
 from preshape.control.failure import TaskFailed
 from preshape.control.grips import SPARE_M, Grip, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
-from preshape.control.procedure_areas import components_left, realizes
+from preshape.control.procedure_areas import components_left, lies_in
 from preshape.control.task_grasp import BACK_M, STANDOFF_M, back_off, shown_face, take_off
 from preshape.control.work import Work
 from preshape.hal.state import Vector
@@ -133,7 +133,7 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     back = SPARE_M if same_face else 0.0
     grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left", back)
     left = components_left(work.box, work.opening, {"right": work.grips["right"]}, "left", 3)
-    if not any(realizes(grip, component) for component in left):
+    if not lies_in(grip, left):
         raise TaskFailed("unreachable: a brace of the free end is none of the components left to the left hand")
     yield from reach_end(work, guide, grip)
     work.phase = "lay on"

@@ -11,7 +11,7 @@ import tyro
 
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.exit_codes import ExitCode
-from preshape.tools.run_options import MOST_PATIENCE, ProfileName
+from preshape.tools.run_options import MOST_PATIENCE, PATIENCE, ProfileName
 
 if TYPE_CHECKING:
     from preshape.sim_backend.scene_port import ScenePlace
@@ -37,7 +37,7 @@ class Options:
     channel: tuple[str, ...] = ()
     profile: ProfileName = "fd"
     physics: Literal["simple", "mujoco"] = "mujoco"
-    patience_cycles: int = 5
+    patience_cycles: int = PATIENCE
     pace: float = 1.0
     scenario: str = "tea_box"
     seed: int | None = None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.control.opening_frame import opening_frame
+from preshape.control.opening_frame import hinge_distance, opening_frame
 from preshape.hal.layout import LAYOUT
 from preshape.hal.sah_hand import TIP_RADIUS
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.transform import Matrix, axis_rotation, inverse, transform
-from preshape.hal.world import FACES, NominalBox, Opening, face_normal
+from preshape.hal.world import FACES, NominalBox, Opening
 from preshape.planner.arm_kinematics import palm_pose
 from preshape.planner.hand_kinematics import hand_kinematics
 
@@ -29,7 +29,7 @@ class LidEstimate:
         """Begin closed; `X_world_base` is the right arm's."""
         self._X_world_base = X_world_base
         self._X_box_opening = opening_frame(box, opening)
-        self._lid_m = float(np.abs(face_normal(opening.edge)) @ box.size - box.tab_size[1] / 2)
+        self._lid_m = hinge_distance(box, opening)
         self._tab_m = float(box.tab_size[1] / 2)
         self.tab = self.lid = 0.0
 
