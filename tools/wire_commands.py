@@ -17,8 +17,8 @@ SEQUENCES = 1 << 16
 """Sequence numbers wrap here; less than half of it ahead is newer."""
 BURST = 10
 """So many commands in a row ..."""
-BURST_PERIODS = 5.0
-"""... take at least so many periods: late ones may be followed by some on time, but nothing is caught up."""
+BURST_PERIODS = 8.0
+"""... take at least so many periods: a late one may be followed by one on time, but nothing is caught up."""
 REMEMBERED = 256
 """So many commands back a module may answer."""
 
