@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from typing import cast
 
@@ -30,7 +29,7 @@ def test_a_signal_asks_the_loop_once_and_handlers_are_as_before_then(number: int
     with StopSignals() as signals:
         assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
         signals.obey(cast(ControlLoop, loop))
-        os.kill(os.getpid(), number)
+        signal.raise_signal(number)
         assert loop.asked == [reason]
         assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
 
@@ -39,9 +38,9 @@ def test_the_second_interrupt_is_pythons_own() -> None:
     loop = Loop()
     with StopSignals() as signals:
         signals.obey(cast(ControlLoop, loop))
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
     assert loop.asked == ["interrupted from the keyboard"]
 
 
