@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
 from typing import cast
 
 import pytest
@@ -34,6 +35,15 @@ def test_a_signal_asks_the_loop_once_and_handlers_are_as_before_then(number: int
         assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
 
 
+@pytest.fixture
+def pythons_own() -> Iterator[None]:
+    """Handle interrupts as Python does by itself: a process that has run other tests may not."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("pythons_own")
 def test_the_second_interrupt_is_pythons_own() -> None:
     loop = Loop()
     with StopSignals() as signals:
