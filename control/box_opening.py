@@ -13,6 +13,7 @@ from preshape.control.carrier import CarryOptions
 from preshape.control.course import Course
 from preshape.control.failure import TaskFailed
 from preshape.control.field import FieldOptions
+from preshape.control.grasp_choice import shown_face
 from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
 from preshape.control.let_go import let_go
@@ -21,8 +22,9 @@ from preshape.control.opening_frame import hinge_distance, opening_frame
 from preshape.control.opening_motion import HandWaypoint, open_motion, push_motion
 from preshape.control.procedure_control import ProcedureControl
 from preshape.control.sight import Sight
-from preshape.control.task_grasp import grasp_box, put_back, shown_face
+from preshape.control.task_grasp import grasp_box
 from preshape.control.task_open import play, present
+from preshape.control.task_put_back import put_back
 from preshape.control.task_regrasp import regrasp
 from preshape.control.task_show import find_opening_area
 from preshape.control.task_stand import stand_up
@@ -116,7 +118,7 @@ class BoxOpening(ProcedureControl):
                 break
             likely = unseen[0]
             work.notes.append(f"opening not on {face}: put back to be taken the other way round")
-            yield from put_back(work)
+            yield from put_back(work, self._place)
         raise TaskFailed("unseen: the opening area was found on none of " + ", ".join(work.box.candidate_faces))
 
     def _take(self, likely: Face | None) -> Motion:

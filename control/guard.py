@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from preshape.control.body import Body
 from preshape.control.distances import Boxes, PairDistances, pair_distances
-from preshape.control.link_boxes import NODE_COUNT, NODES, LinkBoxes
+from preshape.control.link_boxes import NODE_COUNT, NODES, LinkBoxes, NodePoses, arm_nodes
 from preshape.control.sight import Sight
-from preshape.hal.layout import LAYOUT
+from preshape.hal import panda_arm
+from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse
 from preshape.hal.world import NominalBox
+from preshape.planner.capsule_distance import segment_box_distance
+from preshape.planner.compiled import compiled
 
 MARGIN_M = 0.010
 """Distance from an obstacle that no motion may bring to less, m."""
@@ -30,6 +33,25 @@ PATIENCE_S = 2.0
 """How long the arms stand before an obstacle until the motion that brought them there is given up, s."""
 _ACCELERATION = 0.9 * LAYOUT.acceleration
 _HELD = NODE_COUNT
+_ARMS = np.concatenate([np.arange(NODE_COUNT)[arm_nodes(side)] for side in SIDES])
+_STARTS = np.array([capsule.start for capsule in panda_arm.CAPSULES], dtype=float)
+_ENDS = np.array([capsule.end for capsule in panda_arm.CAPSULES], dtype=float)
+_RADII = np.array([capsule.radius for capsule in panda_arm.CAPSULES])
+
+
+@compiled
+def _arm_distances(
+    arms: NDArray[np.int64], starts: Matrix, ends: Matrix, radii: Matrix, poses: NodePoses,
+    p_obstacles: Matrix, R_obstacles: Matrix, half: Matrix, out: Matrix,
+) -> None:  # fmt: skip
+    """Write the distances of the arms' capsules, as the planner knows them, into out (nodes, obstacles), m."""
+    X = np.eye(4)
+    for k in range(len(half)):
+        X[:3, :3], X[:3, 3] = R_obstacles[k], p_obstacles[k]
+        for number in range(len(arms)):
+            node, link = arms[number], number % len(radii)
+            R, p = poses.R[node], poses.p[node]
+            out[node, k] = segment_box_distance(p + R @ starts[link], p + R @ ends[link], X, half[k]) - radii[link]
 
 
 def stopping_position(position: Vector, velocity: Vector) -> Vector:
@@ -69,8 +91,8 @@ class ObstacleGuard:
             return
         obstacles = Boxes.of(seen)
         position, velocity = self._body.commanded
-        now = self._distances(position, obstacles)
-        stopped = self._distances(stopping_position(position, velocity), obstacles)
+        now = self.distances(position, obstacles)
+        stopped = self.distances(stopping_position(position, velocity), obstacles)
         coming = (stopped < MARGIN_M) & (stopped < now - NEARER_M)
         if self.blocked and len(self._waiting) == len(now):
             # Where it stands, it goes on only when there is room again.
@@ -90,8 +112,11 @@ class ObstacleGuard:
         reason, self.reason, self.stood_s = self.reason, "", 0.0
         return reason
 
-    def _distances(self, position: Vector, obstacles: Boxes) -> Matrix:
-        """Return the distance of each pair (m,), m, with the joints at a position and the held box in its hand."""
+    def distances(self, position: Vector, obstacles: Boxes) -> Matrix:
+        """Return the distance of each pair (m,), m, with the joints at a position and the held box in its hand.
+
+        Hands and held box are bounding boxes; arms are the planner's capsules, so that a path it has found is free.
+        """
         boxes, side = self._boxes, self._sight.held_by
         poses = self._links.update(position)
         boxes.p[:NODE_COUNT], boxes.R[:NODE_COUNT] = poses.p_box, poses.R_box
@@ -103,4 +128,9 @@ class ObstacleGuard:
             self._pairs = np.array([(i, k) for i in range(count) for k in range(len(obstacles.p))], dtype=np.int64)
             self._out = PairDistances.empty(len(self._pairs))
         pair_distances("l2", boxes, obstacles, self._pairs, self._out)
-        return self._out.distance.copy()
+        distance = self._out.distance.copy()
+        _arm_distances(
+            _ARMS, _STARTS, _ENDS, _RADII, poses, obstacles.p, obstacles.R, obstacles.h,
+            distance.reshape(count, len(obstacles.p)),
+        )  # fmt: skip
+        return distance

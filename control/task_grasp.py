@@ -3,57 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Generator
-from dataclasses import dataclass
 
 import numpy as np
 
 from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
-from preshape.control.grips import Grip, cage_grip
+from preshape.control.grasp_choice import STANDOFF_M, GraspChoice, back_off, choose_grip
 from preshape.control.motions import Motion, between, eased, lead_fingers, lead_palm, ticks, together, wait, wait_for
 from preshape.control.opening_finder import GLANCE_VIEW_ANGLE, Verdict, decide, find_opening
-from preshape.control.procedure_areas import components_left, lies_in
 from preshape.control.work import Work
 from preshape.hal.layout import Side
-from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, transform
-from preshape.hal.world import FACES, Face, face_normal, opposite
-from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose, upper_face
-from preshape.planner.arm_capsules import HeldBox
+from preshape.hal.world import Face
+from preshape.planner.air_pose import AirPlace
 from preshape.planner.plan_scene import LIFT_M
 
-PREGRASP_M = 0.14
-"""Height of the palm above its grasp pose at which the field takes over, m."""
-STANDOFF_M = 0.11
-"""Distance from the grasp pose, back along the palm's z axis, at which the fingertips reach the box's end, m."""
 ASIDE_M = 0.008
 """How much further than on coming a leaving palm keeps its fingers off their face, m: the thumb's side has room."""
-SET_DOWN_M = 0.004
-"""Height above the table from which the box is let go, m."""
 REACHES = 4
 """How often the hand sets out for the box."""
 AIM_ANEW_S = 0.6
 """Time until the hand sets out again: it comes to rest, and what is seen settles, s."""
 BACK_M = 0.10
 """How far a hand that has stalled draws back along its axis, m."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GraspChoice:
-    """A grip and the right arm's postures through it: pre-grasp, grasp, lift, and showing the likely face."""
-
-    grip: Grip
-    finger_face: Face
-    likely_face: Face
-    pregrasp: Vector
-    grasp: Vector
-    lift: Vector
-    show: Vector
-
-
-def shown_face(grip: Grip) -> Face:
-    """Return the face on the palm's -y side: with it to the robot, the fingers lie below and the thumb above."""
-    return max(FACES, key=lambda face: float(-grip.X_box_palm[:3, 1] @ face_normal(face)))
 
 
 def glance(work: Work) -> Face | None:
@@ -69,76 +41,6 @@ def glance(work: Work) -> Face | None:
     seen = set(decision.faces) if decision.verdict is Verdict.NOT_HERE else set()
     left: list[Face] = [face for face in work.box.candidate_faces if face not in seen]
     return left[0] if len(left) == 1 else None
-
-
-def back_off(X_world_palm: Matrix, distance: float) -> Matrix:
-    """Return a palm pose moved back along its own z axis."""
-    return X_world_palm @ transform((0.0, 0.0, -distance))
-
-
-def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collection[Face] = ()) -> GraspChoice:
-    """Return the reachable grip with the best postures; those that show the likely face well come first.
-
-    Only grips of components that the procedure's areas leave to the hand count, and none that shows a face again which
-    has no opening. Those with the fingers on a face of `tried` come last.
-    """
-    X_world_box = work.sight.X_world_box
-    caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
-    end = upper_face(X_world_box, caps)
-    beside: list[Face] = [
-        f for f in FACES if f[1] != end[1] and f not in work.box.candidate_faces and opposite(f) in FACES
-    ]
-    left = components_left(work.box, None, {}, "right", 1)
-    choices: list[tuple[float, GraspChoice]] = []
-    causes: list[str] = []
-    for finger_face in beside:
-        grip = cage_grip(work.box.size, end, finger_face, "right")
-        if not lies_in(grip, left):
-            causes.append(f"fingers on {finger_face}: none of the components left to the right hand")
-            continue
-        if shown_face(grip) in work.blank:
-            causes.append(f"fingers on {finger_face}: shows {shown_face(grip)}, which has no opening")
-            continue
-        choice = _postures(work, grip, finger_face, end, place)
-        if isinstance(choice, str):
-            causes.append(f"fingers on {finger_face}: {choice}")
-            continue
-        bonus = 100.0 if likely is not None and choice.likely_face == likely else 0.0
-        travel = float(np.abs(choice.grasp - work.body.asked_arm("right")).max())
-        choices.append((bonus - travel - 1000.0 * (finger_face in tried), choice))
-    if not choices:
-        raise work.no_way("; ".join(causes) or "no grip suits the box")
-    return max(choices, key=lambda item: item[0])[1]
-
-
-def _postures(work: Work, grip: Grip, finger_face: Face, end: Face, place: AirPlace) -> GraspChoice | str:
-    """Return one grip's chain of postures, each near the one before, or what is out of reach."""
-    X_grasp = work.sight.X_world_box @ grip.X_box_palm
-    face = shown_face(grip)
-    carried = work.collision(held=HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2))
-    # The nearer pre-grasp is where the field has led the hand by the time it surrounds the box.
-    distances = (PREGRASP_M, STANDOFF_M) if work.sight.obstacles else (PREGRASP_M,)
-    poses = {
-        "pre-grasp": ([back_off(X_grasp, distance) for distance in distances], work.collision()),
-        "grasp": ([X_grasp], work.collision(exempt=(("right_hand", "box"),))),
-        "lift": ([transform((0.0, 0.0, LIFT_M)) @ X_grasp], carried),
-    }
-    near = work.body.asked_arm("right")
-    postures: list[Vector] = []
-    for name, (Xs, model) in poses.items():
-        q = next((q for X in Xs if (q := work.posture("right", X, model, near)) is not None), None)
-        if q is None:
-            return f"{name} pose out of reach"
-        postures.append(q)
-        near = q
-    shifts = ELSEWHERE if work.sight.obstacles else ELSEWHERE[:1]
-    shown = (transform(shift) @ air_pose(place, end, face) @ grip.X_box_palm for shift in shifts)
-    found = (q for X in shown if (q := work.posture("right", X, carried, near)) is not None)
-    show = next(found, None)
-    if show is None:
-        return "show pose out of reach"
-    postures.append(show)
-    return GraspChoice(grip, finger_face, face, *postures)
 
 
 def aim(
@@ -223,7 +125,7 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     work.phase = "lay on"
     yield from lead_palm(work.body, "right", work.sight.X_world_box @ choice.grip.X_box_palm, speed=0.02)
     work.phase = "close"
-    work.stood_at = work.sight.X_world_box
+    work.stood_at, work.taken_at = work.sight.X_world_box, work.body.asked_palm("right")
     yield from hand.close(choice.grip)
     work.sight.hold("right")
     work.phase = "lift"
@@ -231,21 +133,6 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     X_lift = transform((0.0, 0.0, LIFT_M)) @ work.body.asked_palm("right")
     yield from lead_palm(work.body, "right", X_lift, speed=0.12)
     hand.check()
-
-
-def put_back(work: Work) -> Motion:
-    """Stand the held box where it was taken from, let go and draw back."""
-    if work.stood_at is None:
-        raise TaskFailed("unreachable: the box was not taken from anywhere")
-    body = work.body
-    work.phase = "put back"
-    X_box_palm = inverse(work.sight.X_world_box) @ body.palm("right")
-    X_stand = transform((0.0, 0.0, SET_DOWN_M)) @ work.stood_at @ X_box_palm
-    yield from work.travel_to_palm("right", transform((0.0, 0.0, LIFT_M)) @ X_stand)
-    yield from lead_palm(body, "right", X_stand, speed=0.08)
-    yield from wait(body, 0.2)
-    work.sight.release()
-    yield from take_off(work, "right", PREGRASP_M)
 
 
 def take_off(work: Work, side: Side, distance: float) -> Motion:
@@ -262,7 +149,13 @@ def take_off(work: Work, side: Side, distance: float) -> Motion:
     work.phase = "release"
     yield from together(work.hands[side].open(), lead_off(work, side, X_off, speed=0.02))
     work.phase = "retreat"
-    yield from lead_off(work, side, back_off(X_off, distance), speed=0.10)
+    try:
+        yield from lead_off(work, side, back_off(X_off, distance), speed=0.10)
+    except TaskFailed as failed:
+        # What the hand may touch it has left; whatever comes next finds its own way from here.
+        if failed.kind != "stalled":
+            raise
+        work.notes.append(f"retreat: {failed.cause}; cut short")
 
 
 def lead_off(work: Work, side: Side, X_box_palm: Matrix, speed: float) -> Motion:

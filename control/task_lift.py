@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from preshape.control.aim import Aim, tips_of
 from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
+from preshape.control.grasp_choice import PREGRASP_M, STANDOFF_M
 from preshape.control.grips import Grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, ticks, wait, wait_for
 from preshape.control.planned_grip import planned_grip
 from preshape.control.resting import rested
-from preshape.control.task_grasp import PREGRASP_M, STANDOFF_M, while_it_stays
+from preshape.control.task_grasp import while_it_stays
 from preshape.control.work import Work
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, transform

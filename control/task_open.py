@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,20 +17,22 @@ from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse
 from preshape.hal.world import Face, Opening
-from preshape.planner.air_pose import air_pose, open_places
+from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose, open_places
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_chain import ChainQuery
 from preshape.planner.arm_collision import ArmCollision
 
 ROOMY = ChainQuery(least_score=10.0)
 """What a place must offer the right arm; the motion itself may then come nearer to a limit."""
+NARROW = ChainQuery(least_score=6.0)
+"""What it must offer where obstacles leave no roomy one."""
 
 
 class _Checker:
     """Whether the right arm may stand at a way-point: only its hand may come near the box."""
 
     def __init__(self, work: Work, held: HeldBox, q_left: Vector) -> None:
-        exempt = (("right_hand", "held"), ("right_hand", "left_hand"))
+        exempt = (("right_hand", "held"), ("right_hand", "left_hand"), *work.at_rest("right"))
         q_hands: dict[Side, Vector] = {side: work.body.asked_fingers(side) for side in SIDES}
         self._model = ArmCollision(work.cell, q_hands, held, tuple(work.sight.obstacles), exempt)
         self._q = np.concatenate([np.zeros(ARM_DOF), q_left])
@@ -49,24 +52,40 @@ def present(
     work.phase = "present"
     held = HeldBox("left", inverse(work.body.palm("left")) @ work.sight.X_world_box, work.box.size / 2)
     X_box_palm, X_box_opening = inverse(held.X_palm_box), opening_frame(work.box, opening)
-    for place in open_places():
+    for place, query in _places(work):
         X_box = air_pose(place, right_end, opening.face)
-        q_left = work.posture("left", X_box @ X_box_palm, work.collision(held=held))
+        q_left = work.posture("left", X_box @ X_box_palm, work.collision(work.at_rest("left"), held))
         if q_left is None:
             continue
-        courses = _courses(work, X_box @ X_box_opening, motions, _Checker(work, held, q_left))
-        if courses is not None:
+        courses = _courses(work, X_box @ X_box_opening, motions, _Checker(work, held, q_left), query)
+        if courses is None:
+            continue
+        try:
             yield from work.travel("left", q_left, speed=0.25)
             return courses
-    raise TaskFailed("unreachable: no place where the right arm can open the box that the left hand holds")
+        except TaskFailed as failed:
+            if failed.kind != "stalled":
+                raise
+            work.notes.append(f"present: {failed.cause}; opened elsewhere")
+    raise work.no_way("no place where the right arm can open the box that the left hand holds")
+
+
+def _places(work: Work) -> Iterator[tuple[AirPlace, ChainQuery]]:
+    """Yield places to open the box and what they must offer; with obstacles about, others around them as well."""
+    for place in open_places():
+        yield place, ROOMY
+    if work.sight.obstacles:
+        for shift in ELSEWHERE[1:]:
+            for place in open_places():
+                yield replace(place, center=place.center + np.array(shift)), NARROW
 
 
 def _courses(
-    work: Work, X_world_opening: Matrix, motions: Sequence[Sequence[HandWaypoint]], free: _Checker
+    work: Work, X_world_opening: Matrix, motions: Sequence[Sequence[HandWaypoint]], free: _Checker, query: ChainQuery
 ) -> tuple[Course, ...] | None:
     found: list[Course] = []
     for motion in motions:
-        course = plan_course(work, "right", X_world_opening, motion, free, ROOMY)
+        course = plan_course(work, "right", X_world_opening, motion, free, query)
         if course is None:
             return None
         found.append(course)

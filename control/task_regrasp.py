@@ -7,10 +7,11 @@ import numpy as np
 from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.carrier import Carrier, sweep
 from preshape.control.failure import TaskFailed
+from preshape.control.grasp_choice import STANDOFF_M, back_off, shown_face
 from preshape.control.grips import SPARE_M, Grip, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
 from preshape.control.procedure_areas import components_left, lies_in
-from preshape.control.task_grasp import BACK_M, STANDOFF_M, back_off, shown_face, take_off
+from preshape.control.task_grasp import BACK_M, take_off
 from preshape.control.work import Work
 from preshape.hal.state import Vector
 from preshape.hal.transform import inverse, transform
@@ -71,7 +72,7 @@ def reach_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
 def _postures(work: Work, grip: Grip) -> tuple[Vector, Vector]:
     """Return the left arm's postures (7) at the pre-grasp and the grasp of a box at rest."""
     X_grasp = work.sight.X_world_box @ grip.X_box_palm
-    touching = (("left_hand", "held"), ("left_hand", "right_hand"))
+    touching = (("left_hand", "held"), ("left_hand", "right_hand"), *work.at_rest("left"))
     q_grasp = work.posture("left", X_grasp, work.collision(touching) if work.sight.obstacles else None)
     if q_grasp is None:
         raise work.no_way("the left hand's grasp at the free end")

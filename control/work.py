@@ -21,6 +21,7 @@ from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, log_so3, transform
 from preshape.hal.world import Face, NominalBox, Opening, OrientedBox, TextureLibrary, Workcell
 from preshape.planner.arm_capsules import HeldBox
+from preshape.planner.arm_chain import posture_chain
 from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.arm_kinematics import palm_pose
 from preshape.planner.arm_path import ALLOWED_DIP, PathQuery, PathStatus, plan_path
@@ -54,8 +55,8 @@ class Work:
 
     `box` is the object's outer size and what may open, `target` its parts as the planner knows them. `library` is
     the known look of an opening, None for an object that has none; `blank` are faces that were seen to have none.
-    `stood_at` is the box's pose where it was taken from, `seen_at` its pose when the opening was found (world); `plan`
-    is the one that grips were chosen from.
+    `stood_at` is the box's pose where it was taken from and `taken_at` the palm's there, `seen_at` the box's pose when
+    the opening was found (all world); `plan` is the one that grips were chosen from.
     """
 
     cell: Workcell
@@ -72,20 +73,40 @@ class Work:
     grips: dict[Side, Grip] = field(default_factory=dict)
     seen_at: Matrix | None = None
     stood_at: Matrix | None = None
+    taken_at: Matrix | None = None
     plan: Plan | None = None
     task: int = 1
     phase: str = "start"
     notes: list[str] = field(default_factory=list)
 
-    def collision(self, exempt: tuple[tuple[str, str], ...] = (), held: HeldBox | None = None) -> ArmCollision:
-        """Return the coarse model of this moment: hands as they are, the box held (or as `held` says) or standing."""
-        held = held or self._held()
-        obstacles = [OrientedBox(seen.name, seen.X_world_box, seen.half + SPREAD_M) for seen in self.sight.obstacles]
-        if held is None and self.sight.estimate is not None:
-            parts = self.target.boxes(self.sight.X_world_box)
+    def collision(
+        self,
+        exempt: tuple[tuple[str, str], ...] = (),
+        held: HeldBox | None = None,
+        standing: Matrix | None = None,
+        spread_m: float = SPREAD_M,
+    ) -> ArmCollision:
+        """Return the coarse model of this moment: hands as they are, the box held or standing.
+
+        `held` says how it is held, `standing` at which pose (world) it stands; by default it is where it is seen.
+        Obstacles are larger by `spread_m` on each side.
+        """
+        if held is None and standing is None:
+            held = self._held()
+        obstacles = [OrientedBox(seen.name, seen.X_world_box, seen.half + spread_m) for seen in self.sight.obstacles]
+        if standing is None and held is None and self.sight.estimate is not None:
+            standing = self.sight.X_world_box
+        if standing is not None:
+            parts = self.target.boxes(standing)
             obstacles += [OrientedBox("box", part.X_world_box, part.half) for part in parts]
         q_hands: dict[Side, Vector] = {side: self.body.asked_fingers(side) for side in SIDES}
         return ArmCollision(self.cell, q_hands, held, tuple(obstacles), exempt)
+
+    def at_rest(self, side: Side) -> tuple[tuple[str, str], ...]:
+        """Return the pairs of what this arm does not move: the other arm and its hand, wherever obstacles are."""
+        other = next(one for one in SIDES if one != side)
+        bodies = f"{other}_arm", f"{other}_hand"
+        return tuple((body, seen.name) for seen in self.sight.obstacles for body in bodies)
 
     def known_look(self) -> TextureLibrary:
         """Return the known look of the opening; `TaskFailed` for an object that has none."""
@@ -106,35 +127,66 @@ class Work:
         """Return arm joints (7) for a palm pose near a posture (default: as asked now), or None if out of reach."""
         near = self.body.asked_arm(side) if near is None else near
         base, q_arms = self.cell.X_world_base[side], self.body.asked_arms()
-        # Obstacles are taken for larger than they are already.
-        for margin in (CLEARANCE_M, CLOSE_M) if self.sight.obstacles else (CLEARANCE_M,):
+        for margin in self._margins():
             found = reach(side, base, X_world_palm, model, q_arms, ReachQuery(margin_m=margin), near=near)
             if found.status is ReachStatus.REACHABLE:
                 return found.q
         return None
+
+    def way(self, side: Side, X_world_palms: Matrix, models: Sequence[ArmCollision], near: Vector) -> Matrix | None:
+        """Return arm joints (n, 7) for palm poses (n, 4, 4) that follow each other, or None where an arm cannot.
+
+        Each posture is near the one before and keeps clear of what the model of its own pose holds.
+        """
+        q_arms = self.body.asked_arms()
+        for margin in self._margins():
+
+            def is_free(number: int, q: Vector, margin: float = margin) -> bool:
+                q_arms[_own(side)] = q
+                return models[number].is_free(q_arms, margin)
+
+            chain = posture_chain(side, self.cell.X_world_base[side], X_world_palms, near, is_free)
+            if chain is not None:
+                return chain
+        return None
+
+    def _margins(self) -> tuple[float, ...]:
+        """Return the clearances to be tried; obstacles are taken for larger than they are already."""
+        return (CLEARANCE_M, CLOSE_M) if self.sight.obstacles else (CLEARANCE_M,)
 
     def travel(self, side: Side, q: Vector, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()) -> Motion:
         """Bring one arm to joint angles (7) on a path free of coarse collisions; `TaskFailed` if there is none.
 
         An obstacle that appears on the way stops the arm, and it goes on by another path.
         """
-        for _ in range(PATHS):
-            waypoints = self._path(side, q, exempt)
+        for number in range(PATHS):
+            waypoints = self._path(side, q, exempt, number)
             self.body.prefer_posture(side, q)
-            arrived = yield from self._follow(side, waypoints, speed, exempt)
+            why = "an obstacle on it"
+            try:
+                arrived = yield from self._follow(side, waypoints, speed, exempt)
+            except TaskFailed as failed:
+                # What the guard has stopped is not stopped again on every path.
+                if failed.kind != "stalled" or number == PATHS - 1:
+                    raise
+                arrived, why = False, failed.cause
             if arrived:
                 return
-            self.notes.append(f"task {self.task} ({self.phase}): an obstacle in the {side} arm's way: another path")
+            self.notes.append(f"task {self.task} ({self.phase}): the {side} arm takes another path: {why}")
             yield from wait(self.body, BRAKE_S)
         raise TaskFailed(f"stalled: the {side} arm has met obstacles on {PATHS} paths")
 
-    def _path(self, side: Side, q: Vector, exempt: tuple[tuple[str, str], ...]) -> Matrix:
-        """Return way-points (n, 14) from where both arms are asked to be to a posture (7) of one."""
+    def _path(self, side: Side, q: Vector, exempt: tuple[tuple[str, str], ...], number: int) -> Matrix:
+        """Return way-points (n, 14) from where both arms are asked to be to a posture (7) of one; others by number."""
         goal = self.body.asked_arms()
         start = goal.copy()
         goal[_own(side)] = q
         margin = PATH_MARGIN_M if self.sight.held_by is None else CARRY_MARGIN_M
-        path = plan_path(self.collision(exempt), start, goal, PathQuery(margin_m=margin))
+        exempt, query = (*exempt, *self.at_rest(side)), PathQuery(margin_m=margin, seed=number)
+        path = plan_path(self.collision(exempt), start, goal, query)
+        if path.status is PathStatus.START_BLOCKED and self.sight.obstacles:
+            # It stands nearer to an obstacle than a path may lead, and has to get away from there.
+            path = plan_path(self.collision(exempt, spread_m=0.0), start, goal, query)
         if path.status is not PathStatus.FOUND:
             bodies = " ".join((path.status.name.lower(), *path.bodies)).rstrip()
             raise self.no_way(f"no path for the {side} arm ({bodies})")
@@ -153,7 +205,7 @@ class Work:
                 if has_changed(seen, self.sight.obstacles):
                     seen = self.sight.obstacles
                     rest = np.vstack([self.body.asked_arms(), waypoints[leg + 1 :]])
-                    if not self._keeps_clear(rest, exempt):
+                    if not self._keeps_clear(rest, (*exempt, *self.at_rest(side))):
                         return False
         return True
 

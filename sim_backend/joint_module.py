@@ -44,12 +44,13 @@ Sample = Callable[[], tuple[Vector, Vector, Vector]]
 
 @dataclass(frozen=True, slots=True)
 class ModuleEvent:
-    """A change of a module's state, in its own time."""
+    """A change of a module's state, in its own time, and how long after its last command (None: it had none)."""
 
     time_ns: int
     node: int
     state: ModuleState
     cause: str
+    silence_ns: int | None = None
 
 
 class JointModule:
@@ -266,10 +267,11 @@ class JointModule:
             if self.state is ModuleState.ARMED:
                 self._key = self._random.getrandbits(32)
             self._session = 0
+        silence_ns = None if self._commanded_ns is None else now_ns - self._commanded_ns
         self.state, self.error = state, error
         self._mode = self._commanded_ns = None
         self._hold()
-        self.events.append(ModuleEvent(now_ns, self.module.node, state, cause))
+        self.events.append(ModuleEvent(now_ns, self.module.node, state, cause, silence_ns))
 
     def _hold(self) -> None:
         self._drives.hold(self._sample()[0][self._joints], LAYOUT.torque[self._joints], self._joints)

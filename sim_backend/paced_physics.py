@@ -29,6 +29,7 @@ from preshape.sim_backend.paced_layout import (
 )
 from preshape.sim_backend.real_pace import RealPace
 from preshape.sim_backend.referee import Referee
+from preshape.sim_backend.referee_report import Verdict
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene_perception import attach_sensors
 from preshape.sim_backend.shared_block import Memory, Record, SharedBlock
@@ -162,6 +163,10 @@ class PacedPhysics:
         finally:
             joints.close()
 
+    def verdict(self) -> Verdict:
+        """Return what the referee says of the scene so far."""
+        return self._referee.verdict()
+
     def end(self) -> None:
         """Make `run` return after the present step."""
         self._running = False
@@ -209,4 +214,4 @@ class PacedPhysics:
     def _finished(self) -> Finished:
         kicks = tuple(self._kicks.given)
         pace = self._pace
-        return Finished(self._referee.verdict(), self._simulation.seconds, pace.slipped_ns * 1e-9, pace.slips, kicks)
+        return Finished(self.verdict(), self._simulation.seconds, pace.slipped_ns * 1e-9, pace.slips, kicks)

@@ -14,7 +14,7 @@ from preshape.control.distances import Boxes, PairDistances, pair_distances
 from preshape.control.failure import TaskFailed
 from preshape.control.guard import MARGIN_M, PATIENCE_S, ObstacleGuard, stopping_position
 from preshape.control.hand import Hand
-from preshape.control.link_boxes import NODE_COUNT, LinkBoxes
+from preshape.control.link_boxes import NODE_COUNT, LinkBoxes, arm_nodes
 from preshape.control.motions import Motion, lead_palm
 from preshape.control.sight import Sight
 from preshape.control.smoothing import Smoother
@@ -22,7 +22,9 @@ from preshape.control.work import Work
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.state import DeviceStatus, RobotState, Vector
 from preshape.hal.transform import Matrix, transform
-from preshape.hal.world import NominalBox, OrientedBox, TextureLibrary
+from preshape.hal.world import NominalBox, OrientedBox
+from preshape.planner.arm_collision import ArmCollision
+from preshape.planner.work_object import box_object
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import workcell
 from preshape.sim_backend.simulation import home_position
@@ -150,8 +152,7 @@ def test_an_obstacle_that_goes_away_lets_the_motion_go_on() -> None:
 
 def ground(world: World) -> Work:
     hands: dict[Side, Hand] = {side: Hand(side, world.body) for side in SIDES}
-    library = cast(TextureLibrary, None)
-    return Work(CELL, BOX, library, world.body, cast(Sight, world.sight), hands, world.guard, CarryOptions())
+    return Work(CELL, BOX, box_object(BOX), world.body, cast(Sight, world.sight), hands, world.guard, CarryOptions())
 
 
 def test_an_obstacle_that_appears_on_an_arms_path_is_gone_around() -> None:
@@ -183,3 +184,51 @@ def test_where_no_path_is_left_the_arm_stalls_by_name() -> None:
     with pytest.raises(TaskFailed, match=r"stalled: no path for the left arm .*obstacle_post"):
         world.run(motion)
     assert world.nearest > 0.5 * MARGIN_M
+
+
+def test_an_arms_distance_is_that_of_the_planners_capsules() -> None:
+    rng = np.random.default_rng(5)
+    world = World()
+    checked = 0
+    for _ in range(40):
+        arms = 0.5 * (LAYOUT.lower + LAYOUT.upper)
+        arms[LAYOUT.arm("right")] += rng.uniform(-0.6, 0.6, 7)
+        poses = world.links.update(arms)
+        # Near the forearm, which is long: its bounding box is much wider than its capsule.
+        world.place(poses.p_box[rng.integers(4, 6)] + rng.normal(0.0, 0.12, 3), 0.05)
+        obstacle = world.sight.obstacles[0]
+        q_hands: dict[Side, Vector] = {side: arms[LAYOUT.hand(side)] for side in SIDES}
+        exempt = (("right_hand", obstacle.name), ("left_hand", obstacle.name))
+        model = ArmCollision(CELL, q_hands, None, (obstacle,), exempt)
+        found = model.clearance(np.concatenate([arms[LAYOUT.arm(side)] for side in SIDES]))
+        if found.bodies != ("right_arm", obstacle.name):
+            continue
+        checked += 1
+        distance = world.guard.distances(arms, Boxes.of([obstacle]))
+        assert float(distance[arm_nodes("right")].min()) == pytest.approx(found.distance, abs=1e-9)
+    assert checked >= 10
+
+
+def test_what_stands_nearer_to_an_obstacle_than_a_path_may_lead_still_gets_away() -> None:
+    world = World()
+    work = ground(world)
+    X = world.body.palm("right")
+    gap = 0.13
+    while work.collision().is_free(work.body.asked_arms()):
+        gap -= 0.002
+        world.place(beside(X, gap, 0.06), 0.06)
+    assert work.collision(spread_m=0.0).is_free(work.body.asked_arms()), "it stands too near for a path, and is free"
+    q = work.posture("right", transform((0.0, -0.2, 0.05)) @ X)
+    assert q is not None
+    world.run(work.travel("right", q))
+    np.testing.assert_allclose(world.body.position[LAYOUT.arm("right")], q, atol=5e-3)
+    assert world.nearest > 0.0
+
+
+def test_an_obstacle_beside_the_arm_at_rest_is_not_in_the_way_of_the_other() -> None:
+    world = World()
+    work = ground(world)
+    world.place(beside(world.body.palm("right"), -0.115, 0.06), 0.06)
+    X = transform((0.05, 0.0, 0.05)) @ world.body.palm("left")
+    assert work.posture("left", X, work.collision()) is None
+    assert work.posture("left", X, work.collision(work.at_rest("left"))) is not None

@@ -13,8 +13,9 @@ from preshape.control import task_grasp
 from preshape.control.approach import FieldGuide
 from preshape.control.body import Body
 from preshape.control.failure import TaskFailed
+from preshape.control.grasp_choice import GraspChoice, back_off
 from preshape.control.motions import Motion
-from preshape.control.task_grasp import BACK_M, REACHES, GraspChoice, back_off, reach_box, surround
+from preshape.control.task_grasp import BACK_M, REACHES, reach_box, surround
 from preshape.control.work import Work
 from preshape.hal.layout import LAYOUT
 from preshape.planner.air_pose import AirPlace

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 class Options:
     """Simulate the joint modules on CAN buses in real time, until Ctrl-C or until a run that was done on them ends.
 
+    In the end it prints the modules' log: each change of state, in their own time, and after what silence.
+
     Attributes:
         interface: of the buses: socketcan, udp_multicast, or another one of python-can's.
         channel: of the buses, one for each; one socketcan channel alone carries all of them.
@@ -60,6 +62,7 @@ def execute(options: Options) -> int:
     """Serve until it is over."""
     from preshape.sim_backend.bus_joints import BusWiring
     from preshape.sim_backend.hand_bus import serve_robot, serve_scene
+    from preshape.tools.bus_log_text import bus_log_lines
     from preshape.tools.can_setup import hand_bus
     from preshape.tools.configuration import load_scenario
 
@@ -77,9 +80,10 @@ def execute(options: Options) -> int:
         print(f"ready: {served}; behind them {behind}", flush=True)
 
     if options.physics == "simple":
-        serve_robot(seed, wiring, ready, ended)
+        log = serve_robot(seed, wiring, ready, ended)
     else:
-        serve_scene(scenario.drawn(seed), wiring, ready, ended)
+        log = serve_scene(scenario.drawn(seed), wiring, ready, ended)
+    print("\n".join(bus_log_lines(log, topology)), flush=True)
     return ExitCode.DONE
 
 

@@ -89,6 +89,8 @@ def execute(options: Options) -> int:
             server.run()
         except KeyboardInterrupt:
             _say("interrupted: the device has been stopped")
+            ratio = world.finish().verdict.max_torque_ratio
+            _say(f"largest torque in physics: {ratio:.2f} of its limit")
         for reason, count in sorted(server.refused.items()):
             _say(f"refused, {reason}: {count}")
     return ExitCode.DONE

@@ -1,0 +1,151 @@
+"""Which grip the right hand takes the box with, and the arm postures through it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from preshape.control.grips import Grip, cage_grip
+from preshape.control.procedure_areas import components_left, lies_in
+from preshape.control.work import Work
+from preshape.hal.state import Vector
+from preshape.hal.transform import Matrix, inverse, transform
+from preshape.hal.world import FACES, Face, face_normal, opposite
+from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose, upper_face
+from preshape.planner.arm_capsules import HeldBox
+from preshape.planner.arm_collision import ArmCollision
+from preshape.planner.plan_scene import LIFT_M
+
+PREGRASP_M = 0.14
+"""Height of the palm above its grasp pose at which the field takes over, m."""
+STANDOFF_M = 0.11
+"""Distance from the grasp pose, back along the palm's z axis, at which the fingertips reach the box's end, m."""
+WAY_POSES = 5
+"""Palm poses from the pre-grasp to the grasp for which postures are chosen together."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraspChoice:
+    """A grip and the right arm's postures through it: pre-grasp, grasp, lift, and showing the likely face."""
+
+    grip: Grip
+    finger_face: Face
+    likely_face: Face
+    pregrasp: Vector
+    grasp: Vector
+    lift: Vector
+    show: Vector
+
+
+def shown_face(grip: Grip) -> Face:
+    """Return the face on the palm's -y side: with it to the robot, the fingers lie below and the thumb above."""
+    return max(FACES, key=lambda face: float(-grip.X_box_palm[:3, 1] @ face_normal(face)))
+
+
+def back_off(X_world_palm: Matrix, distance: float) -> Matrix:
+    """Return a palm pose moved back along its own z axis."""
+    return X_world_palm @ transform((0.0, 0.0, -distance))
+
+
+def choose_grip(work: Work, likely: Face | None, place: AirPlace, tried: Collection[Face] = ()) -> GraspChoice:
+    """Return the reachable grip with the best postures; those that show the likely face well come first.
+
+    Only grips of components that the procedure's areas leave to the hand count, and none that shows a face again which
+    has no opening. Those with the fingers on a face of `tried` come last. `TaskFailed` says why there is none.
+    """
+    choices, causes = reachable_grips(work, place, work.sight.X_world_box, work.body.asked_arm("right"))
+    if not choices:
+        raise work.no_way("; ".join(causes) or "no grip suits the box")
+
+    def rank(choice: GraspChoice) -> float:
+        bonus = 100.0 if likely is not None and choice.likely_face == likely else 0.0
+        travel = float(np.abs(choice.grasp - work.body.asked_arm("right")).max())
+        return bonus - travel - 1000.0 * (choice.finger_face in tried)
+
+    return max(choices, key=rank)
+
+
+def reachable_grips(
+    work: Work, place: AirPlace, X_world_box: Matrix, near: Vector
+) -> tuple[list[GraspChoice], list[str]]:
+    """Return the grips that reach a box standing at a pose, with the arm near a posture (7), and why others do not."""
+    caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
+    end = upper_face(X_world_box, caps)
+    beside: list[Face] = [
+        f for f in FACES if f[1] != end[1] and f not in work.box.candidate_faces and opposite(f) in FACES
+    ]
+    left = components_left(work.box, None, {}, "right", 1)
+    choices: list[GraspChoice] = []
+    causes: list[str] = []
+    for finger_face in beside:
+        grip = cage_grip(work.box.size, end, finger_face, "right")
+        if not lies_in(grip, left):
+            causes.append(f"fingers on {finger_face}: none of the components left to the right hand")
+            continue
+        if shown_face(grip) in work.blank:
+            causes.append(f"fingers on {finger_face}: shows {shown_face(grip)}, which has no opening")
+            continue
+        choice = _postures(work, grip, finger_face, end, place, X_world_box, near)
+        if isinstance(choice, str):
+            causes.append(f"fingers on {finger_face}: {choice}")
+            continue
+        choices.append(choice)
+    return choices, causes
+
+
+def _postures(
+    work: Work, grip: Grip, finger_face: Face, end: Face, place: AirPlace, X_world_box: Matrix, near: Vector
+) -> GraspChoice | str:
+    """Return one grip's chain of postures, each near the one before, or what is out of reach."""
+    X_grasp = X_world_box @ grip.X_box_palm
+    face = shown_face(grip)
+    carried = work.collision(held=HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2))
+    coming = work.collision(standing=X_world_box)
+    around = work.collision(exempt=(("right_hand", "box"),), standing=X_world_box)
+    X_lift = transform((0.0, 0.0, LIFT_M)) @ X_grasp
+    shifts = ELSEWHERE[:1]
+    if work.sight.obstacles:
+        shifts = ELSEWHERE
+        way = _way(work, X_grasp, X_lift, (coming, around, carried), near)
+        if way is None:
+            return "no way around the box and up that keeps clear"
+        pregrasp, grasp, lift = way
+    else:
+        pregrasp = work.posture("right", back_off(X_grasp, PREGRASP_M), coming, near)
+        if pregrasp is None:
+            return "pre-grasp pose out of reach"
+        grasp = work.posture("right", X_grasp, around, pregrasp)
+        if grasp is None:
+            return "grasp pose out of reach"
+        lift = work.posture("right", X_lift, carried, grasp)
+        if lift is None:
+            return "lift pose out of reach"
+    shown = (transform(shift) @ air_pose(place, end, face) @ grip.X_box_palm for shift in shifts)
+    show = next((q for X in shown if (q := work.posture("right", X, carried, lift)) is not None), None)
+    if show is None:
+        return "show pose out of reach"
+    return GraspChoice(grip, finger_face, face, pregrasp, grasp, lift, show)
+
+
+def _way(
+    work: Work,
+    X_grasp: Matrix,
+    X_lift: Matrix,
+    models: tuple[ArmCollision, ArmCollision, ArmCollision],
+    near: Vector,
+) -> tuple[Vector, Vector, Vector] | None:
+    """Return postures at pre-grasp, grasp and lift that hang together and keep clear of obstacles all the way.
+
+    Chosen one by one they may keep clear, and the arm in between not. `models` are for the hand before the box, around
+    it, and with it. The nearer pre-grasp is where the field has led the hand by the time it surrounds the box.
+    """
+    coming, around, carried = models
+    for distance in (PREGRASP_M, STANDOFF_M):
+        inside = np.linspace(distance, 0.0, WAY_POSES)
+        palms = np.array([*(back_off(X_grasp, d) for d in inside), X_lift])
+        chain = work.way("right", palms, [coming, *[around] * (WAY_POSES - 1), carried], near)
+        if chain is not None:
+            return chain[0], chain[WAY_POSES - 1], chain[-1]
+    return None
