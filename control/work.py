@@ -24,7 +24,7 @@ from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_chain import posture_chain
 from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.arm_kinematics import palm_pose
-from preshape.planner.arm_path import ALLOWED_DIP, PathQuery, PathStatus, plan_path
+from preshape.planner.arm_path import ALLOWED_DIP, ArmPath, PathQuery, PathStatus, plan_path
 from preshape.planner.arm_reach import ReachQuery, ReachStatus, reach
 from preshape.planner.plan import Plan
 from preshape.planner.work_object import WorkObject
@@ -35,6 +35,8 @@ PATH_MARGIN_M = 0.020
 """Clearance that paths keep otherwise, m."""
 PATHS = 4
 """How many paths are tried while obstacles appear on them."""
+DETOURS = 4
+"""How many paths around obstacles the best is chosen from."""
 SPREAD_M = 0.015
 """How much larger obstacles are taken for paths: corners of the palms and the held box stick out of their shapes, m."""
 BRAKE_S = 0.4
@@ -45,7 +47,7 @@ CARRY_ACCELERATION = 0.3
 """Largest acceleration of a held box's centre and ends while it is carried, m/s^2: more makes it slide in the grip."""
 CARRY_TURN_SPEED = 0.45
 """Largest turning speed of a held box, rad/s."""
-CLEARANCE_M, CLOSE_M = 0.020, 0.008
+CLEARANCE_M, CLOSE_M = 0.020, 0.005
 """Clearance that chosen arm postures keep from everything they must not touch, and where obstacles leave no more, m."""
 
 
@@ -177,20 +179,35 @@ class Work:
         raise TaskFailed(f"stalled: the {side} arm has met obstacles on {PATHS} paths")
 
     def _path(self, side: Side, q: Vector, exempt: tuple[tuple[str, str], ...], number: int) -> Matrix:
-        """Return way-points (n, 14) from where both arms are asked to be to a posture (7) of one; others by number."""
+        """Return way-points (n, 14) from where both arms are asked to be to a posture (7) of one; others by number.
+
+        Around obstacles the best of several: what is carried slides a little on every detour.
+        """
         goal = self.body.asked_arms()
         start = goal.copy()
         goal[_own(side)] = q
-        margin = PATH_MARGIN_M if self.sight.held_by is None else CARRY_MARGIN_M
-        exempt, query = (*exempt, *self.at_rest(side)), PathQuery(margin_m=margin, seed=number)
-        path = plan_path(self.collision(exempt), start, goal, query)
+        exempt = (*exempt, *self.at_rest(side))
+        path = self._best_path(side, self.collision(exempt), start, goal, number)
         if path.status is PathStatus.START_BLOCKED and self.sight.obstacles:
             # It stands nearer to an obstacle than a path may lead, and has to get away from there.
-            path = plan_path(self.collision(exempt, spread_m=0.0), start, goal, query)
+            path = self._best_path(side, self.collision(exempt, spread_m=0.0), start, goal, number)
         if path.status is not PathStatus.FOUND:
             bodies = " ".join((path.status.name.lower(), *path.bodies)).rstrip()
             raise self.no_way(f"no path for the {side} arm ({bodies})")
         return path.waypoints
+
+    def _best_path(self, side: Side, model: ArmCollision, start: Vector, goal: Vector, number: int) -> ArmPath:
+        margin = PATH_MARGIN_M if self.sight.held_by is None else CARRY_MARGIN_M
+        count = DETOURS if self.sight.obstacles else 1
+        queries = (PathQuery(margin_m=margin, seed=count * number + k) for k in range(count))
+        return min((plan_path(model, start, goal, query) for query in queries), key=lambda p: self._duration(side, p))
+
+    def _duration(self, side: Side, path: ArmPath) -> float:
+        """Return how long a path takes a hand that holds the box, s; for an empty hand its length, rad."""
+        if path.status is not PathStatus.FOUND:
+            return np.inf
+        gentle = self._gentle(side, path.waypoints)
+        return path.length if gentle is None else sum(gentle)
 
     def _follow(
         self, side: Side, waypoints: Matrix, speed: float, exempt: tuple[tuple[str, str], ...]
