@@ -101,13 +101,15 @@ def _postures(
     """Return one grip's chain of postures, each near the one before, or what is out of reach."""
     X_grasp = X_world_box @ grip.X_box_palm
     face = shown_face(grip)
-    carried = work.collision(held=HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2))
+    held = HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2)
+    carried = shown = work.collision(held=held)
     coming = work.collision(standing=X_world_box)
     around = work.collision(exempt=(("right_hand", "box"),), standing=X_world_box)
     X_lift = transform((0.0, 0.0, LIFT_M)) @ X_grasp
     shifts = ELSEWHERE[:1]
     if work.sight.obstacles:
-        shifts = ELSEWHERE
+        # Where the box is shown the hand will also open.
+        shifts, shown = ELSEWHERE, work.collision(held=held, fingers=grip.opened)
         way = _way(work, X_grasp, X_lift, (coming, around, carried), near)
         if way is None:
             return "no way around the box and up that keeps clear"
@@ -122,8 +124,8 @@ def _postures(
         lift = work.posture("right", X_lift, carried, grasp)
         if lift is None:
             return "lift pose out of reach"
-    shown = (transform(shift) @ air_pose(place, end, face) @ grip.X_box_palm for shift in shifts)
-    show = next((q for X in shown if (q := work.posture("right", X, carried, lift)) is not None), None)
+    palms = (transform(shift) @ air_pose(place, end, face) @ grip.X_box_palm for shift in shifts)
+    show = next((q for X in palms if (q := work.posture("right", X, shown, lift)) is not None), None)
     if show is None:
         return "show pose out of reach"
     return GraspChoice(grip, finger_face, face, pregrasp, grasp, lift, show)

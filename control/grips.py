@@ -65,6 +65,11 @@ class Grip:
     opposed: tuple[tuple[str, str], ...]
     advance: Vector = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
+    @property
+    def opened(self) -> dict[Side, Vector]:
+        """The hand's joint angles (13), rad, when it is open, by its side."""
+        return {self.side: self.preshape}
+
 
 def _joints(**angles: float) -> Vector:
     """Return a hand vector (13), nan but for the named joints."""

@@ -45,7 +45,7 @@ def put_back(work: Work, place: AirPlace) -> Motion:
     rest = resting_place(work, work.stood_at, work.taken_at, place) if work.sight.obstacles else None
     X_stand = raised(work.taken_at if rest is None else rest.X_world_palm, SET_DOWN_M)
     if rest is None:
-        yield from work.travel_to_palm("right", raised(X_stand, LIFT_M))
+        yield from work.carry_to_palm("right", raised(X_stand, LIFT_M))
     else:
         yield from work.travel("right", rest.lifted)
         body.prefer_posture("right", rest.down)

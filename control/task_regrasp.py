@@ -57,7 +57,7 @@ def reach_end(work: Work, guide: FieldGuide, grip: Grip) -> Motion:
         try:
             if any(place):
                 work.phase = "move aside"
-                yield from work.travel_to_palm("right", transform(place) @ X_palm)
+                yield from work.carry_to_palm("right", transform(place) @ X_palm)
                 yield from wait(work.body, STILL_S)
             yield from surround_end(work, guide, grip, again=any(place))
             return

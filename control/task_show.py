@@ -26,7 +26,7 @@ def show_face(work: Work, face: Face, end: Face, place: AirPlace) -> Motion:
     X_palm = air_pose(place, end, face) @ work.grips["right"].X_box_palm
     for shift in ELSEWHERE:
         try:
-            yield from work.travel_to_palm("right", transform(shift) @ X_palm, speed=0.30)
+            yield from work.carry_to_palm("right", transform(shift) @ X_palm, speed=0.30)
             break
         except TaskFailed as failed:
             if shift == ELSEWHERE[-1] or failed.kind != "stalled":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -87,11 +87,12 @@ class Work:
         held: HeldBox | None = None,
         standing: Matrix | None = None,
         spread_m: float = SPREAD_M,
+        fingers: Mapping[Side, Vector] | None = None,
     ) -> ArmCollision:
         """Return the coarse model of this moment: hands as they are, the box held or standing.
 
         `held` says how it is held, `standing` at which pose (world) it stands; by default it is where it is seen.
-        Obstacles are larger by `spread_m` on each side.
+        Obstacles are larger by `spread_m` on each side; `fingers` are the joint angles (13) of hands that will change.
         """
         if held is None and standing is None:
             held = self._held()
@@ -102,6 +103,7 @@ class Work:
             parts = self.target.boxes(standing)
             obstacles += [OrientedBox("box", part.X_world_box, part.half) for part in parts]
         q_hands: dict[Side, Vector] = {side: self.body.asked_fingers(side) for side in SIDES}
+        q_hands.update(fingers or {})
         return ArmCollision(self.cell, q_hands, held, tuple(obstacles), exempt)
 
     def at_rest(self, side: Side) -> tuple[tuple[str, str], ...]:
@@ -248,14 +250,13 @@ class Work:
             times.append(max(gentle_seconds(points, CARRY_ACCELERATION), 15.0 / 8.0 * turn / CARRY_TURN_SPEED))
         return times
 
-    def travel_to_palm(
-        self, side: Side, X_world_palm: Matrix, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()
-    ) -> Motion:
-        """Bring one palm to a pose over a free joint path."""
-        q = self.posture(side, X_world_palm, self.collision(exempt))
+    def carry_to_palm(self, side: Side, X_world_palm: Matrix, speed: float = 0.35) -> Motion:
+        """Bring the palm of the hand that holds the box to a pose where it will have room to open among obstacles."""
+        fingers = self.grips[side].opened if self.sight.obstacles else None
+        q = self.posture(side, X_world_palm, self.collision(fingers=fingers))
         if q is None:
             raise self.no_way(f"the {side} palm at {np.round(X_world_palm[:3, 3], 3).tolist()} m")
-        yield from self.travel(side, q, speed, exempt)
+        yield from self.travel(side, q, speed)
 
     def no_way(self, what: str) -> TaskFailed:
         """Return the failure of what is out of reach: stalled where obstacles are seen, which may be why."""

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from preshape.control import work as work_module
 from preshape.control.body import Body
 from preshape.control.carrier import CarryOptions
 from preshape.control.distances import Boxes, PairDistances, pair_distances
@@ -18,12 +19,13 @@ from preshape.control.link_boxes import NODE_COUNT, LinkBoxes, arm_nodes
 from preshape.control.motions import Motion, lead_palm
 from preshape.control.sight import Sight
 from preshape.control.smoothing import Smoother
-from preshape.control.work import Work
+from preshape.control.work import DETOURS, Work
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.state import DeviceStatus, RobotState, Vector
 from preshape.hal.transform import Matrix, transform
 from preshape.hal.world import NominalBox, OrientedBox
 from preshape.planner.arm_collision import ArmCollision
+from preshape.planner.arm_path import ArmPath, PathQuery, PathStatus
 from preshape.planner.work_object import box_object
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import workcell
@@ -232,3 +234,24 @@ def test_an_obstacle_beside_the_arm_at_rest_is_not_in_the_way_of_the_other() -> 
     X = transform((0.05, 0.0, 0.05)) @ world.body.palm("left")
     assert work.posture("left", X, work.collision()) is None
     assert work.posture("left", X, work.collision(work.at_rest("left"))) is not None
+
+
+def test_around_obstacles_the_shortest_of_several_paths_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World()
+    work = ground(world)
+    asked: list[int] = []
+
+    def planned(model: ArmCollision, start: Vector, goal: Vector, query: PathQuery) -> ArmPath:
+        asked.append(query.seed)
+        detour = start + 0.1 * abs(query.seed - 2) * np.ones(len(start))
+        return ArmPath(PathStatus.FOUND, np.array([start, detour, goal]))
+
+    monkeypatch.setattr(work_module, "plan_path", planned)
+    q = work.body.asked_arm("right") + 0.05
+    next(work.travel("right", q))
+    assert asked == [0]
+    world.place(world.body.palm("right")[:3, 3] + np.array([0.0, 0.0, -0.5]), 0.03)
+    asked.clear()
+    waypoints = work._path("right", q, (), 0)  # pyright: ignore[reportPrivateUsage]
+    assert asked == list(range(DETOURS))
+    np.testing.assert_allclose(waypoints[1], waypoints[0], err_msg="the third goes straight")
