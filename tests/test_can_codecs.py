@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from preshape.hal.can.command_codec import CommandCodec
-from preshape.hal.can.dbc import DBC_FILE, dbc_text
+from preshape.hal.can.dbc import CLASSIC_DBC_FILE, DBC_FILE, dbc_text
 from preshape.hal.can.emergency_codec import Emergency, decode_emergency, encode_emergency
 from preshape.hal.can.heartbeat_codec import Heartbeat, decode_heartbeat, encode_heartbeat
 from preshape.hal.can.identifiers import QUICK_STOP_ID, emergency_id, heartbeat_id, reply_id, request_id
@@ -47,6 +47,13 @@ STATUS = st.tuples(st.sampled_from(ModuleState), st.sampled_from(ModuleError))
 @pytest.fixture(scope="module")
 def dbc() -> Database:
     database = cantools.database.load_file(DBC_FILE)
+    assert isinstance(database, Database)
+    return database
+
+
+@pytest.fixture(scope="module")
+def classic() -> Database:
+    database = cantools.database.load_file(CLASSIC_DBC_FILE)
     assert isinstance(database, Database)
     return database
 
@@ -216,6 +223,50 @@ def test_the_shipped_dbc_is_the_default_topologys_and_names_every_frame_once(dbc
     assert DBC_FILE.read_text() == dbc_text(TOPOLOGY)
     assert len(dbc.messages) == 1 + len(TOPOLOGY.groups) + 5 * len(TOPOLOGY.modules)
     assert all(message.is_fd for message in dbc.messages)
+
+
+def test_the_shipped_classic_dbc_is_the_default_topologys_and_has_no_frame_of_more_than_eight_bytes(
+    dbc: Database, classic: Database
+) -> None:
+    assert CLASSIC_DBC_FILE.read_text() == dbc_text(TOPOLOGY, "classic")
+    assert [message.frame_id for message in classic.messages] == [message.frame_id for message in dbc.messages]
+    assert all(message.length <= 8 and not message.is_fd for message in classic.messages)
+
+
+def joined(classic: Database, frame_id: int, payload: bytes | bytearray, tag: int) -> dict[str, Any]:
+    """Return what cantools reads in the slices of a payload; values in two slices are added up."""
+    values: dict[str, Any] = {}
+    for number, content in enumerate(cut(payload, tag)):
+        found = decoded(classic, frame_id, content)
+        if slice_count(len(payload)) > 1:
+            assert (found.pop("slice"), found.pop("slice_tag")) == (number, tag)
+        for name, value in found.items():
+            if name.startswith("padding"):
+                assert value == 0
+                continue
+            whole = name.removesuffix("_low").removesuffix("_high")
+            values[whole] = values.get(whole, 0) + value
+    return values
+
+
+@given(commands(), U8)
+def test_the_slices_of_a_command_say_what_its_one_frame_says(
+    dbc: Database, classic: Database,
+    command: tuple[CommandCodec, int, int, WireMode, int, np.ndarray, np.ndarray], tag: int,
+) -> None:  # fmt: skip
+    codec, session, sequence, mode, enable, target, limit = command
+    payload = codec.new_payload()
+    codec.encode(payload, session, sequence, mode, enable, target, limit)
+    assert joined(classic, codec.frame_id, payload, tag) == pytest.approx(decoded(dbc, codec.frame_id, payload))
+
+
+@given(reports(), U8)
+def test_the_slices_of_a_state_say_what_its_one_frame_says(
+    dbc: Database, classic: Database, case: tuple[StateCodec, Module, Group, ModuleReport], tag: int
+) -> None:
+    codec, _, _, report = case
+    payload = codec.encode(report)
+    assert joined(classic, codec.frame_id, payload, tag) == pytest.approx(decoded(dbc, codec.frame_id, payload))
 
 
 @given(commands(), st.integers(0, 64 * 8 - 1))

@@ -123,7 +123,7 @@ def kill_in(task: int, device: str, victim: str, seed: int, pace: float, later_s
 def _after_arming(text: str) -> list[str]:
     lines = text.splitlines()
     armed = [number for number, line in enumerate(lines) if "armed" in line and "disarmed" not in line]
-    return lines[armed[-1] :] if armed else lines
+    return lines[armed[0] :] if armed else lines
 
 
 def _faults_of_modules(text: str) -> list[str]:

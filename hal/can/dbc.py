@@ -1,23 +1,29 @@
-"""The DBC file of a topology as text. `python -m preshape.hal.can.dbc` writes the shipped one anew."""
+"""The DBC files of a topology as text. `python -m preshape.hal.can.dbc` writes the shipped ones anew."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from preshape.hal.can.dbc_message import HOST_NAME, Message, Signal, messages
-from preshape.hal.can.topology import TOPOLOGY, Topology
+from preshape.hal.can.dbc_slices import sliced
+from preshape.hal.can.topology import TOPOLOGY, Profile, Topology
 
 DBC_FILE = Path(__file__).with_name("hand_bus.dbc")
-"""The shipped file: the default topology's frames."""
+CLASSIC_DBC_FILE = Path(__file__).with_name("hand_bus_classic.dbc")
+"""The shipped files: the default topology's frames, with FD and in classic slices."""
 
-FD_FRAME = 14
-"""Number of StandardCAN_FD among the values of the attribute VFrameFormat."""
+CLASSIC_FRAME, FD_FRAME = 0, 14
+"""Numbers of StandardCAN and StandardCAN_FD among the values of the attribute VFrameFormat."""
 _FORMATS = ("StandardCAN", "ExtendedCAN", *(f"reserved{number}" for number in range(2, FD_FRAME)), "StandardCAN_FD")
 
 
-def dbc_text(topology: Topology = TOPOLOGY) -> str:
-    """Return the DBC file that names every frame of a topology."""
+def dbc_text(topology: Topology = TOPOLOGY, profile: Profile = "fd") -> str:
+    """Return the DBC file that names every frame of a topology whose buses have a profile."""
     frames = messages(topology)
+    number, bus_type = FD_FRAME, "CAN FD"
+    if profile == "classic":
+        frames = tuple(map(sliced, frames))
+        number, bus_type = CLASSIC_FRAME, "CAN"
     nodes = [HOST_NAME, *(module.name for module in topology.modules)]
     formats = ",".join(f'"{name}"' for name in _FORMATS)
     blocks = [
@@ -27,10 +33,10 @@ def dbc_text(topology: Topology = TOPOLOGY) -> str:
         *(_message(frame) for frame in frames),
         f'BA_DEF_ BO_ "VFrameFormat" ENUM {formats};',
         'BA_DEF_ "BusType" STRING ;',
-        f'BA_DEF_DEF_ "VFrameFormat" "{_FORMATS[-1]}";',
-        'BA_DEF_DEF_ "BusType" "CAN FD";',
-        'BA_ "BusType" "CAN FD";',
-        *(f'BA_ "VFrameFormat" BO_ {frame.frame_id} {FD_FRAME};' for frame in frames),
+        f'BA_DEF_DEF_ "VFrameFormat" "{_FORMATS[number]}";',
+        f'BA_DEF_DEF_ "BusType" "{bus_type}";',
+        f'BA_ "BusType" "{bus_type}";',
+        *(f'BA_ "VFrameFormat" BO_ {frame.frame_id} {number};' for frame in frames),
         *(_choices(frame, signal) for frame in frames for signal in frame.signals if signal.choices),
         *(f"SIG_VALTYPE_ {frame.frame_id} {s.name} : 1;" for frame in frames for s in frame.signals if s.real),
     ]
@@ -57,4 +63,5 @@ def _choices(frame: Message, signal: Signal) -> str:
 
 if __name__ == "__main__":
     DBC_FILE.write_text(dbc_text())
-    print(DBC_FILE)
+    CLASSIC_DBC_FILE.write_text(dbc_text(profile="classic"))
+    print(DBC_FILE, CLASSIC_DBC_FILE, sep="\n")
