@@ -16,6 +16,7 @@ from preshape.hal.device import DeviceUnreachable
 from preshape.tools import cli, command_run, run_options
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import decode_report
+from preshape.tools.run_directory import choose_directory, kept_if_used
 
 HEAVY = ("numpy", "mujoco", "numba", "placo", "ruckig", "rerun", "zenoh", "joblib")
 
@@ -183,3 +184,13 @@ def test_the_options_offer_exactly_what_the_controller_knows() -> None:
     assert set(get_args(run_options.FieldName)) == set(FIELD_MODES)
     assert set(get_args(run_options.TiesName)) == set(TIES)
     assert set(get_args(run_options.NormName)) == set(NORMS)
+
+
+def test_a_run_that_cannot_begin_leaves_no_folder_and_one_that_has_written_leaves_its_files(tmp_path: Path) -> None:
+    for written in (False, True):
+        folder = choose_directory(tmp_path / str(written), "tea_box", 0)
+        with pytest.raises(DeviceUnreachable), kept_if_used(folder):
+            if written:
+                (folder / "recording.mcap").touch()
+            raise DeviceUnreachable("nothing there")
+        assert folder.exists() == written

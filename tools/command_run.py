@@ -53,7 +53,7 @@ def execute(options: Options) -> int:
     from preshape.tools.dash_child import DashChild
     from preshape.tools.progress import RunProgress
     from preshape.tools.recorder import Recorder
-    from preshape.tools.run_directory import choose_directory, write_run
+    from preshape.tools.run_directory import choose_directory, kept_if_used, write_run
     from preshape.tools.session import run_session
     from preshape.tools.stop_signals import StopSignals
     from preshape.tools.telemetry_file import load_telemetry
@@ -66,7 +66,7 @@ def execute(options: Options) -> int:
     directory = choose_directory(options.out, scenario.name, seed)
     bus_log = directory / "can.log" if options.device == "can" and options.record else None
     watched = RunProgress(judged(scenario.shape).names)
-    with StopSignals() as signals:
+    with kept_if_used(directory), StopSignals() as signals:
         with dashboard, Recorder(directory) as recorder, watched as progress:
             kept = recorder if options.record else None
             result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log, kept, signals)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from preshape.sim_backend.judged import judged
@@ -28,6 +30,18 @@ def choose_directory(out: Path | None, scenario: str, seed: int) -> Path:
         ConfigurationError: it cannot be made.
     """
     return make_directory(out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario}-{seed}")
+
+
+@contextmanager
+def kept_if_used(directory: Path) -> Generator[Path]:
+    """Give a run's folder; when the run ends by an exception and has written nothing, the folder goes with it."""
+    try:
+        yield directory
+    except BaseException:
+        # Refused for a folder that holds something.
+        with suppress(OSError):
+            directory.rmdir()
+        raise
 
 
 def make_directory(directory: Path) -> Path:
