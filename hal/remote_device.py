@@ -42,7 +42,8 @@ class RemoteDevice:
     @property
     def lost(self) -> int:
         """How many states were sent between the first and the newest that came, and have not come."""
-        first, newest = (decode_state(payloads.get("state", b"")) for payloads in (self._line.first, self._line.newest))
+        newest = decode_state(self._line.newest("state") or b"")
+        first = decode_state(self._line.first.get("state", b""))
         if first is None or newest is None:
             return 0
         return max(0, int(newest["seq"]) - int(first["seq"]) + 1 - self._line.received["state"])
@@ -110,7 +111,7 @@ class RemoteDevice:
             return
 
     def _take_newest(self) -> Record | None:
-        payload = self._line.newest.get("state")
+        payload = self._line.newest("state")
         if payload is None or payload is self._seen:
             return None
         record = decode_state(payload)

@@ -17,24 +17,30 @@ ANSWER_S = 5.0
 """Longest time until an answer, s."""
 SLOW_ANSWERS_S = {"finish": 60.0}
 """The same for what takes longer."""
+KEPT = 512
+"""Messages of one stream that wait to be looked at; more push out the oldest, which then count as lost."""
 
 
 class RemoteLine:
     """What device, perception and referee of one served world share.
 
-    `newest` and `first` hold the last and the first payload of each stream and `received` how many there were; `gone`
-    is set when the server has vanished.
+    Messages wait outside the interpreter until somebody asks for them: a callback for each would take its lock from
+    the controller hundreds of times a second. `first` holds the first payload of each stream and `received` how many
+    were looked at; `gone` is set when the server has vanished.
     """
 
     def __init__(self, session: zenoh.Session, root: str) -> None:
         """Talk to the server under a key, `preshape/<robot>/device`, in an open session; nothing is sent yet."""
         self._session, self._root = session, root
         self.client = secrets.randbits(62)
-        self.newest: dict[str, bytes] = {}
+        self._newest: dict[str, bytes] = {}
         self.first: dict[str, bytes] = {}
         self.received: dict[str, int] = {stream: 0 for stream in STREAMS}
         self.gone = Event()
-        self._subscribers = [session.declare_subscriber(f"{root}/{stream}", self._keeper(stream)) for stream in STREAMS]
+        self._subscribers: dict[str, Any] = {
+            stream: session.declare_subscriber(f"{root}/{stream}", zenoh.handlers.RingChannel(KEPT))
+            for stream in STREAMS
+        }
         self._watch = session.liveliness().declare_subscriber(f"{root}/alive", self._on_life, history=True)
         # A token of its own: when this process ends, however it does, the server sees it go.
         self._token = session.liveliness().declare_token(f"{root}/client/{self.client}")
@@ -44,6 +50,16 @@ class RemoteLine:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
+
+    def newest(self, stream: str) -> bytes | None:
+        """Return the last payload of a stream that has come, None before the first; to be asked by one thread only."""
+        subscriber = self._subscribers.get(stream)
+        while subscriber is not None and (sample := subscriber.try_recv()) is not None:
+            payload: bytes = sample.payload.to_bytes()
+            self.received[stream] += 1
+            self.first.setdefault(stream, payload)
+            self._newest[stream] = payload
+        return self._newest.get(stream)
 
     def send_command(self, payload: bytes) -> None:
         """Send a command; one that finds no room is dropped. The line's end does not matter: the state will tell."""
@@ -86,22 +102,13 @@ class RemoteLine:
 
     def close(self) -> None:
         """Take back what was declared; may be called twice."""
-        for declared in (*self._subscribers, self._watch, self._token, self._commands):
+        for declared in (*self._subscribers.values(), self._watch, self._token, self._commands):
             declared.undeclare()
         self._subscribers.clear()
 
     def _question(self, reason: str, arguments: Mapping[str, Any]) -> bytes:
         now_ns = time.monotonic_ns()
         return encode(Question(client=self.client, now_ns=now_ns, reason=reason, arguments=dict(arguments)))
-
-    def _keeper(self, stream: str) -> Any:
-        def keep(sample: zenoh.Sample) -> None:
-            payload = sample.payload.to_bytes()
-            self.received[stream] += 1
-            self.first.setdefault(stream, payload)
-            self.newest[stream] = payload
-
-        return keep
 
     def _on_life(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:

@@ -44,7 +44,7 @@ class RemotePerception:
         return Image(reply.now_ns, np.frombuffer(pixels, np.uint8).reshape(shape), self._camera)
 
     def _newest(self) -> Seen | None:
-        payload = self._line.newest.get("perception")
+        payload = self._line.newest("perception")
         if payload is not None and payload is not self._payload:
             self._payload, self._seen = payload, decode_seen(payload)
         return self._seen

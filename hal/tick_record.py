@@ -45,6 +45,7 @@ TICK = np.dtype(
         ("task", np.int16),
         ("phase", f"S{TEXT_LENGTHS['phase']}"),
         ("mode", f"S{TEXT_LENGTHS['mode']}"),
+        ("begun", np.bool_),
         ("held", np.bool_),
         ("group_distance", np.float64, (len(SIDES), len(GROUPS))),
         ("group_point", np.float64, (len(SIDES), len(GROUPS), 3)),
@@ -65,8 +66,9 @@ TICK = np.dtype(
 )
 """One tick; SI units (rad, rad/s, N m, m), times in ns on the loop's clock.
 
-Joint quantities are (40,) in layout order. `stop_reason` is empty until a stop is asked for. `held`: the
-controller was still planning, and the setpoint before was repeated. `group_distance` (2, 3), m: the least distance
+Joint quantities are (40,) in layout order. `stop_reason` is empty until a stop is asked for. `begun`: a step of
+a controller that thinks beside the loop was begun in this tick; `held`: it was still thinking, and what moved was
+braked. `group_distance` (2, 3), m: the least distance
 of each group of the right and of the left hand to what it must not touch; `group_point`, m, and `group_force`, N:
 the reciprocal point there and the force on the group, in the world; NaN where they were not evaluated.
 `X_world_preshape`, `preshape_half` (m) and `tip_target` (m, in the world): the preshaping box that each hand is on

@@ -21,7 +21,7 @@ from preshape.hal.state import RobotCommand, RobotState
 from preshape.hal.tick_record import TickRecord, new_record, note_state
 from preshape.tools.patient import PatientController
 from preshape.tools.replay import Replayed, replay_ticks
-from preshape.tools.replay_patient import ReplayPatient, held_ticks
+from preshape.tools.replay_patient import ReplayPatient, paces
 
 LAWS = sorted(name for name in dir(DeviceConformance) if name.startswith("test_"))
 
@@ -192,11 +192,11 @@ def drive(controller: PatientController | ReplayPatient, ticks: int) -> tuple[li
 def test_ticks_that_held_are_held_again_and_the_thinker_hears_the_same() -> None:
     slow, pause = frozenset({0, 11, 12, 30}), threading.Event()
     thinker = Thinker(slow, lambda: pause.wait(0.03) and None)
-    with PatientController(thinker, 0.004) as patient:
+    with PatientController(thinker, 0.004, 0.002) as patient:
         setpoints, records = drive(patient, 120)
     assert patient.held > 4 and records["held"].sum() == patient.held
     fresh = Thinker(frozenset(), lambda: None)
-    replayed, _ = drive(ReplayPatient(fresh, held_ticks(records)), 120)
+    replayed, _ = drive(ReplayPatient(fresh, paces(records), 0.002), 120)
     assert replayed == setpoints
     # The step that was under way when the run ended may or may not have been heard.
     assert fresh.heard[: len(thinker.heard)] == thinker.heard[: len(fresh.heard)]

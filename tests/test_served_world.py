@@ -38,7 +38,7 @@ def test_pose_obstacles_image_scene_and_verdict_come_over() -> None:
             image = world.perception.image(now())
             assert image.pixels.shape == (image.model.height, image.model.width) and image.pixels.std() > 1.0
             assert 0 < now() - image.stamp_ns < 5e9
-            assert until(lambda: "scene" in world._line.newest)
+            assert until(lambda: world._line.newest("scene") is not None)
             assert world.scene_positions().shape == (build_scene(drawn).nq,)
             assert world.device.read(now()).status is DeviceStatus.DISARMED
             world.report_opening(OPENING, sample.X_world_box)

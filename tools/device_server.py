@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 import zenoh
 
+from preshape.control.timing import quiet_collector
 from preshape.hal.device import DeviceUnreachable
 from preshape.hal.gate_config import AgeTier, GateConfig
 from preshape.hal.remote_calls import CALLS, Question, Reply, Seen, SeenObstacle, decode_question, encode
@@ -78,12 +79,13 @@ class DeviceServer:
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Serve until a client has finished the world, or `until` says so; then stop the device."""
-        due_ns = time.monotonic_ns()
         try:
-            while not (self.finished or until()):
-                self._publish()
-                due_ns = max(due_ns + self._period_ns, time.monotonic_ns())
-                self._serve_until(due_ns)
+            with quiet_collector():
+                due_ns = time.monotonic_ns()
+                while not (self.finished or until()):
+                    self._publish()
+                    due_ns = max(due_ns + self._period_ns, time.monotonic_ns())
+                    self._serve_until(due_ns)
         finally:
             self._images.shutdown(wait=True)
             if self._open and not self.finished:

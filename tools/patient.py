@@ -7,9 +7,9 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 
 from preshape.control.controller import Controller, Setpoint
-from preshape.hal.layout import LAYOUT
 from preshape.hal.state import RobotState, Vector
 from preshape.hal.tick_record import TickRecord
+from preshape.tools.held_motion import HeldMotion
 from preshape.tools.real_time import THINKING_PRIORITY, give_up_priority, take_priority
 
 PATIENT_PERIODS = 1.3
@@ -31,20 +31,20 @@ class _Step:
 class PatientController:
     """`Controller` around another one, for loops in real time; a context manager that ends its thread.
 
-    A step that is not ready in time makes the tick repeat the last setpoint, and so do the ticks after it until
-    it is: planning takes up to a second, and the hands hold meanwhile. The inner controller then goes on with the
-    next state; its ticks count its own steps. `held` counts the ticks that repeated.
+    A step that is not ready in time makes the tick hold, and so do the ticks after it until it is: planning takes up
+    to a second, and the arms come to rest meanwhile (`HeldMotion`). What a late step says is dropped, for the command
+    has gone on without it; the inner controller then follows that command and goes on with the next state. Its ticks
+    count its own steps. `held` counts the ticks that held.
     """
 
-    def __init__(self, inner: Controller, patience_s: float) -> None:
-        """Wrap a controller; a tick waits `patience_s` for its step."""
+    def __init__(self, inner: Controller, patience_s: float, period_s: float) -> None:
+        """Wrap a controller; a tick of `period_s` waits `patience_s` for its step."""
         self._inner, self._patience_s = inner, patience_s
         self._asked: SimpleQueue[_Step | None] = SimpleQueue()
         self._answers: SimpleQueue[Setpoint | Exception] = SimpleQueue()
         self._thread = Thread(target=self._think, name="controller", daemon=True)
-        self._setpoint: Setpoint | None = None
-        self._followed: tuple[Vector, Vector] | None = None
-        self._busy = self._holding = False
+        self._motion = HeldMotion(period_s)
+        self._busy = self._holding = self._begun = self._diverged = False
         self._steps = self._waited = 0
         self.held = 0
 
@@ -57,51 +57,56 @@ class PatientController:
         self._thread.join(timeout=10.0)
 
     def step(self, tick: int, now_ns: int, state: RobotState) -> Setpoint:
-        """Return the inner controller's setpoint if it is ready in time, else the last one again."""
-        if not self._busy:
-            self._asked.put(_Step(self._steps, now_ns, state, self._followed))
-            self._followed, self._busy = None, True
-            self._steps += 1
-            self._waited = 0
-        answer = self._answer()
-        self._holding = answer is None
+        """Return the inner controller's setpoint if it is ready in time, else that of the motion held meanwhile."""
+        self._begun = False
+        if self._busy and self._answer(0.0) is None:
+            return self._hold()
+        self._begin(now_ns, state)
+        answer = self._answer(self._patience_s)
         if answer is None:
-            return self._held_setpoint()
-        self._busy = False
-        if isinstance(answer, Exception):
-            raise answer
-        self._setpoint = answer
+            return self._hold()
+        self._motion.note(answer)
         return answer
 
-    def _answer(self) -> Setpoint | Exception | None:
-        """Return what the step has come to, None if it is not ready: only its first tick waits for it."""
+    def _begin(self, now_ns: int, state: RobotState) -> None:
+        followed = self._motion.state if self._diverged else None
+        self._asked.put(_Step(self._steps, now_ns, state, followed))
+        self._begun = self._busy = True
+        self._diverged = False
+        self._steps += 1
+        self._waited = 0
+
+    def _answer(self, within_s: float) -> Setpoint | None:
+        """Return what the step has come to, None if it is not ready within a time; an error of it is raised here."""
         try:
-            answer = self._answers.get(timeout=self._patience_s) if not self._waited else self._answers.get_nowait()
+            answer = self._answers.get(timeout=within_s) if within_s > 0.0 else self._answers.get_nowait()
         except Empty:
-            self.held += 1
             self._waited += 1
             if self._waited == LONG_TICKS:
                 give_up_priority(self._thread.native_id or 0)
             return None
         if self._waited >= LONG_TICKS:
             take_priority(THINKING_PRIORITY, self._thread.native_id or 0)
+        self._busy = False
+        if isinstance(answer, Exception):
+            raise answer
         return answer
+
+    def _hold(self) -> Setpoint:
+        self.held += 1
+        self._holding = self._diverged = True
+        return self._motion.step()
 
     def follow(self, position: Vector, velocity: Vector) -> None:
         """Let the inner controller's next step continue from this command."""
-        self._followed = position.copy(), velocity.copy()
-        if self._setpoint is None:
-            self._setpoint = Setpoint(position.copy(), LAYOUT.torque.copy())
+        self._motion.follow(position, velocity)
+        self._diverged = True
 
     def note(self, record: TickRecord) -> None:
         """Let the inner controller write into the record, which may be half way through its step; say if it held."""
         self._inner.note(record)
-        record["held"], self._holding = self._holding, False
-
-    def _held_setpoint(self) -> Setpoint:
-        if self._setpoint is None:
-            raise RuntimeError("held before the first command to follow")
-        return self._setpoint
+        record["begun"], record["held"] = self._begun, self._holding
+        self._begun = self._holding = False
 
     def _think(self) -> None:
         take_priority(THINKING_PRIORITY)
@@ -110,7 +115,7 @@ class PatientController:
                 if asked.followed is not None:
                     self._inner.follow(*asked.followed)
                 answer = self._inner.step(asked.tick, asked.now_ns, asked.state)
-                # The inner controller's buffers change in its next step; a held setpoint must not.
+                # The inner controller's buffers change in its next step; what is held must not.
                 self._answers.put(Setpoint(answer.position.copy(), answer.torque_limit.copy(), answer.finished))
             except Exception as error:
                 self._answers.put(error)

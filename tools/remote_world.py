@@ -48,7 +48,7 @@ class RemoteWorld:
 
     def scene_positions(self) -> Vector:
         """Return the newest positions (nq,) of everything in the scene."""
-        payload = self._line.newest.get("scene")
+        payload = self._line.newest("scene")
         if payload is None:
             raise DeviceUnreachable("the served world has not sent its scene yet")
         return np.frombuffer(payload)

@@ -19,7 +19,7 @@ from preshape.hal.recording import Recording, RecordingError
 from preshape.hal.replay import ReplayClock, ReplayDevice, ReplayEnded, ReplayPerception, recorded_state
 from preshape.hal.tick_record import TickRecord, text_of
 from preshape.tools.controller_setup import ControllerSetup
-from preshape.tools.replay_patient import ReplayPatient, held_ticks
+from preshape.tools.replay_patient import ReplayPatient, paces
 
 COMPARED = ("commanded", "command_mode", "command_sequence", "target", "torque_limit", "torque_target")
 """What of a tick must be equal, in the order in which a difference is named."""
@@ -136,7 +136,7 @@ def replay(recording: Recording, setup: ControllerSetup, observers: Sequence[Obs
     if not len(ticks):
         raise RecordingError("the recording holds no ticks")
     inner = setup.controller(ReplayPerception(recording))
-    controller = ReplayPatient(inner, held_ticks(ticks)) if setup.paced else inner
+    controller = ReplayPatient(inner, paces(ticks), 1.0 / setup.loop.rate_hz) if setup.paced else inner
     return replay_ticks(ticks, controller, setup.loop, SafetyGate(setup.gate), observers)
 
 

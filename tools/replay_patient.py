@@ -1,57 +1,70 @@
-"""The patient controller of a recorded run: it holds in the ticks in which that one held."""
+"""The patient controller of a recorded run: it begins its steps, and holds, in the ticks in which that one did."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from preshape.control.controller import Controller, Setpoint
-from preshape.hal.layout import LAYOUT
 from preshape.hal.state import RobotState, Vector
 from preshape.hal.tick_record import TickRecord
+from preshape.tools.held_motion import HeldMotion
 
 
-def held_ticks(ticks: TickRecord) -> dict[int, bool]:
-    """Return, for each tick number of a recording, whether the controller was still thinking in it."""
+class Pace(NamedTuple):
+    """Whether a step of the controller was begun in a tick, and whether the tick held."""
+
+    begun: bool
+    held: bool
+
+
+IN_TIME = Pace(begun=True, held=False)
+
+
+def paces(ticks: TickRecord) -> dict[int, Pace]:
+    """Return how the controller kept up in each tick number of a recording."""
     # Ticks before the controller's first step carry its number, too: the last one of a number counts.
-    return dict(zip(ticks["tick"].tolist(), ticks["held"].tolist(), strict=True))
+    kept = zip(ticks["begun"].tolist(), ticks["held"].tolist(), strict=True)
+    return dict(zip(ticks["tick"].tolist(), map(Pace._make, kept), strict=True))
 
 
 class ReplayPatient:
-    """`tools.patient.PatientController` without its thread: a step is done at once, its answer used when it was ready.
+    """`tools.patient.PatientController` without its thread: a step is done at once, its answer used if it was in time.
 
     The inner controller sees the states, times and ticks that it saw then.
     """
 
-    def __init__(self, inner: Controller, held: Mapping[int, bool]) -> None:
-        """Wrap a controller; `held` says of each tick whether it repeated the last setpoint."""
-        self._inner, self._held = inner, held
-        self._setpoint: Setpoint | None = None
-        self._followed: tuple[Vector, Vector] | None = None
+    def __init__(self, inner: Controller, kept: Mapping[int, Pace], period_s: float) -> None:
+        """Wrap a controller; `kept` says how the recorded one kept up in each tick of `period_s`."""
+        self._inner, self._kept = inner, kept
+        self._motion = HeldMotion(period_s)
         self._answer: Setpoint | Exception | None = None
+        self._diverged = False
         self._steps = 0
 
     def step(self, tick: int, now_ns: int, state: RobotState) -> Setpoint:
-        """Return the inner controller's setpoint, or the last one again where it was held."""
+        """Return the inner controller's setpoint, or that of the motion held where the tick held."""
+        pace = self._kept.get(tick, IN_TIME)
+        if pace.begun:
+            if isinstance(self._answer, Exception):
+                raise self._answer
+            if self._diverged:
+                self._inner.follow(*self._motion.state)
+            self._answer, self._diverged = self._think(now_ns, state), False
+        if pace.held:
+            self._diverged = True
+            return self._motion.step()
+        if isinstance(self._answer, Exception):
+            raise self._answer
         if self._answer is None:
-            if self._followed is not None:
-                self._inner.follow(*self._followed)
-                self._followed = None
-            self._answer = self._think(now_ns, state)
-        if self._held.get(tick, False):
-            if self._setpoint is None:
-                raise RuntimeError("held before the first command to follow")
-            return self._setpoint
-        answer, self._answer = self._answer, None
-        if isinstance(answer, Exception):
-            raise answer
-        self._setpoint = answer
-        return answer
+            raise RuntimeError(f"tick {tick}: neither held nor begun")
+        self._motion.note(self._answer)
+        return self._answer
 
     def follow(self, position: Vector, velocity: Vector) -> None:
         """Let the inner controller's next step continue from this command."""
-        self._followed = position.copy(), velocity.copy()
-        if self._setpoint is None:
-            self._setpoint = Setpoint(position.copy(), LAYOUT.torque.copy())
+        self._motion.follow(position, velocity)
+        self._diverged = True
 
     def note(self, record: TickRecord) -> None:
         """Let the inner controller write into the record."""

@@ -195,7 +195,8 @@ def _run(course: Course, clock: Clock, paced: bool) -> None:
 
 def _run_paced(course: Course, clock: Clock) -> LoopResult:
     period_s = course.loop.period_ns * 1e-9 / (clock.pace if isinstance(clock, MonotonicClock) else 1.0)
-    with PatientController(course.controller, PATIENT_PERIODS * period_s) as patient, real_time():
+    tick_s = 1.0 / course.loop.config.rate_hz
+    with PatientController(course.controller, PATIENT_PERIODS * period_s, tick_s) as patient, real_time():
         course.empty = empty_lateness(clock, course.loop.period_ns, EMPTY_TICKS)
         course.start_s = clock.now_ns() * 1e-9
         try:
