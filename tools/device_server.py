@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -14,7 +15,6 @@ from typing import Any
 import msgspec
 import zenoh
 
-from preshape.control.timing import quiet_collector
 from preshape.hal.device import DeviceUnreachable
 from preshape.hal.gate_config import AgeTier, GateConfig
 from preshape.hal.remote_calls import CALLS, Question, Reply, Seen, SeenObstacle, decode_question, encode
@@ -79,13 +79,15 @@ class DeviceServer:
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Serve until a client has finished the world, or `until` says so; then stop the device."""
+        # Collecting what lives as long as the process takes tens of milliseconds: states must not wait for it.
+        gc.collect()
+        gc.freeze()
+        due_ns = time.monotonic_ns()
         try:
-            with quiet_collector():
-                due_ns = time.monotonic_ns()
-                while not (self.finished or until()):
-                    self._publish()
-                    due_ns = max(due_ns + self._period_ns, time.monotonic_ns())
-                    self._serve_until(due_ns)
+            while not (self.finished or until()):
+                self._publish()
+                due_ns = max(due_ns + self._period_ns, time.monotonic_ns())
+                self._serve_until(due_ns)
         finally:
             self._images.shutdown(wait=True)
             if self._open and not self.finished:
