@@ -135,6 +135,8 @@ def replay(recording: Recording, setup: ControllerSetup, observers: Sequence[Obs
         ticks = ticks[: int(np.searchsorted(ticks["tick"], recording.gap))]
     if not len(ticks):
         raise RecordingError("the recording holds no ticks")
+    if setup.paced and not ticks["begun"].any():
+        raise RecordingError("a run in real time of an earlier version: it does not say when steps were begun")
     inner = setup.controller(ReplayPerception(recording))
     controller = ReplayPatient(inner, paces(ticks), 1.0 / setup.loop.rate_hz) if setup.paced else inner
     return replay_ticks(ticks, controller, setup.loop, SafetyGate(setup.gate), observers)
