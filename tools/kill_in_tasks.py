@@ -31,6 +31,8 @@ READY_S, TASK_S, END_S = 120.0, 400.0, 60.0
 """Longest time until a world is up, until a task begins and until a process ends, s."""
 LEFT_ALONE_S = 1.0
 """How long modules or served joints are left to themselves, s of their own time."""
+REASON = "safety stop"
+"""What the line holds by which a controller says how it ended."""
 PERIOD_S = 0.002
 MODULES = 12
 
@@ -105,10 +107,10 @@ def kill_in(task: int, device: str, victim: str, seed: int, pace: float, later_s
         killed.process.wait()
         if victim == "world":
             code = other.wait()
-            last = other.text.strip().splitlines()[-1 if code == ExitCode.UNREACHABLE else -2 :]
-            print(f"killed in {where!r}: the controller ended with {code}: {' '.join(other.text.split()[-40:])}")
-            good = code in (ExitCode.SAFETY_STOP, ExitCode.UNREACHABLE) and bool(last)
-            return [] if good else [f"the controller ended with {code}"]
+            why = next((line.strip() for line in other.text.splitlines() if REASON in line), "")
+            print(f"killed in {where!r}: the controller ended with {code}: {why}", flush=True)
+            good = code in (ExitCode.SAFETY_STOP, ExitCode.UNREACHABLE) and why
+            return [] if good else [f"the controller ended with {code}: {other.text}"]
         time.sleep(LEFT_ALONE_S / pace)
         other.end(signal.SIGINT)
         print(f"killed in {where!r}:")
