@@ -32,7 +32,6 @@ from preshape.control.work import Work
 from preshape.hal.layout import SIDES, Side
 from preshape.hal.transform import Matrix
 from preshape.hal.world import (
-    FACES,
     Face,
     NominalBox,
     Opening,
@@ -137,12 +136,11 @@ class BoxOpening(ProcedureControl):
     def _held_end(self) -> Face:
         """Return the end cap in the right palm."""
         grip = self.work.grips["right"]
-        caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == self.work.box.long_axis)
         X_palm_box = np.eye(4)
         X_palm_box[:3, :3] = grip.X_box_palm[:3, :3].T
         # The cap that looks against the palm's z axis is the one in the palm.
         down = np.diag([1.0, -1.0, -1.0, 1.0])
-        return upper_face(down @ X_palm_box, caps)
+        return upper_face(down @ X_palm_box, self.work.box.end_caps)
 
     def _toward(self, opening: Opening) -> float:
         """Return the sign of the opening frame's y axis on whose side the holding hand lies."""

@@ -11,8 +11,8 @@ from preshape.control.grips import Grip, cage_grip
 from preshape.control.procedure_areas import components_left, lies_in
 from preshape.control.work import Work
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, inverse, transform
-from preshape.hal.world import FACES, Face, face_normal, opposite
+from preshape.hal.transform import Matrix, inverse, raised, transform
+from preshape.hal.world import FACES, Face, face_normal
 from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose, upper_face
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_collision import ArmCollision
@@ -71,11 +71,8 @@ def reachable_grips(
     work: Work, place: AirPlace, X_world_box: Matrix, near: Vector
 ) -> tuple[list[GraspChoice], list[str]]:
     """Return the grips that reach a box standing at a pose, with the arm near a posture (7), and why others do not."""
-    caps: tuple[Face, ...] = tuple(f for f in FACES if "xyz".index(f[1]) == work.box.long_axis)
-    end = upper_face(X_world_box, caps)
-    beside: list[Face] = [
-        f for f in FACES if f[1] != end[1] and f not in work.box.candidate_faces and opposite(f) in FACES
-    ]
+    end = upper_face(X_world_box, work.box.end_caps)
+    beside: list[Face] = [face for face in FACES if face[1] != end[1] and face not in work.box.candidate_faces]
     left = components_left(work.box, None, {}, "right", 1)
     choices: list[GraspChoice] = []
     causes: list[str] = []
@@ -105,7 +102,7 @@ def _postures(
     carried = shown = work.collision(held=held)
     coming = work.collision(standing=X_world_box)
     around = work.collision(exempt=(("right_hand", "box"),), standing=X_world_box)
-    X_lift = transform((0.0, 0.0, LIFT_M)) @ X_grasp
+    X_lift = raised(X_grasp, LIFT_M)
     shifts = ELSEWHERE[:1]
     if work.sight.obstacles:
         # Where the box is shown the hand will also open.

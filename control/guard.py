@@ -72,7 +72,8 @@ class ObstacleGuard:
             np.tile(np.eye(3), (NODE_COUNT + 1, 1, 1)),
             np.vstack([self._links.half, self._half]),
         )
-        self._pairs: NDArray[np.int64] = np.empty((0, 2), dtype=np.int64)
+        self._pairs = self._box_pairs = np.empty((0, 2), dtype=np.int64)
+        self._of_boxes: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._out = PairDistances.empty(0)
         self._waiting: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
         self.stood_s = 0.0
@@ -126,9 +127,12 @@ class ObstacleGuard:
             boxes.p[_HELD], boxes.R[_HELD], count = X[:3, 3], X[:3, :3], NODE_COUNT + 1
         if len(self._pairs) != count * len(obstacles.p):
             self._pairs = np.array([(i, k) for i in range(count) for k in range(len(obstacles.p))], dtype=np.int64)
-            self._out = PairDistances.empty(len(self._pairs))
-        pair_distances("l2", boxes, obstacles, self._pairs, self._out)
-        distance = self._out.distance.copy()
+            self._of_boxes = np.flatnonzero(~np.isin(self._pairs[:, 0], _ARMS))
+            self._box_pairs = self._pairs[self._of_boxes]
+            self._out = PairDistances.empty(len(self._box_pairs))
+        pair_distances("l2", boxes, obstacles, self._box_pairs, self._out)
+        distance = np.empty(len(self._pairs))
+        distance[self._of_boxes] = self._out.distance
         _arm_distances(
             _ARMS, _STARTS, _ENDS, _RADII, poses, obstacles.p, obstacles.R, obstacles.h,
             distance.reshape(count, len(obstacles.p)),

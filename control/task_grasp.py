@@ -13,7 +13,7 @@ from preshape.control.motions import Motion, between, eased, lead_fingers, lead_
 from preshape.control.opening_finder import GLANCE_VIEW_ANGLE, Verdict, decide, find_opening
 from preshape.control.work import Work
 from preshape.hal.layout import Side
-from preshape.hal.transform import Matrix, inverse, transform
+from preshape.hal.transform import Matrix, inverse, raised, transform
 from preshape.hal.world import Face
 from preshape.planner.air_pose import AirPlace
 from preshape.planner.plan_scene import LIFT_M
@@ -130,7 +130,7 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     work.sight.hold("right")
     work.phase = "lift"
     work.body.prefer_posture("right", choice.lift)
-    X_lift = transform((0.0, 0.0, LIFT_M)) @ work.body.asked_palm("right")
+    X_lift = raised(work.body.asked_palm("right"), LIFT_M)
     yield from lead_palm(work.body, "right", X_lift, speed=0.12)
     hand.check()
 

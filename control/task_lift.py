@@ -15,7 +15,7 @@ from preshape.control.resting import rested
 from preshape.control.task_grasp import while_it_stays
 from preshape.control.work import Work
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, inverse, transform
+from preshape.hal.transform import Matrix, inverse, raised, transform
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.option_choice import RankedOption
 from preshape.planner.plan import make_plan
@@ -89,7 +89,7 @@ def _postures(work: Work, ranked: RankedOption) -> LiftChoice | str:
     poses = {
         "pre-grasp": (before(grip, X_grasp, PREGRASP_M), work.collision()),
         "grasp": (X_grasp, work.collision(exempt=(("right_hand", "box"),))),
-        "lift": (transform((0.0, 0.0, LIFT_M)) @ X_grasp, work.collision(held=held)),
+        "lift": (raised(X_grasp, LIFT_M), work.collision(held=held)),
     }
     near = work.body.asked_arm("right")
     postures: list[Vector] = []
@@ -131,7 +131,7 @@ def lift_object(work: Work, guide: FieldGuide) -> Motion:
     work.sight.hold("right")
     work.phase = "lift"
     body.prefer_posture("right", choice.lift)
-    yield from lead_palm(body, "right", transform((0.0, 0.0, LIFT_M)) @ body.asked_palm("right"), speed=LIFT_SPEED)
+    yield from lead_palm(body, "right", raised(body.asked_palm("right"), LIFT_M), speed=LIFT_SPEED)
     work.hands["right"].check()
 
 

@@ -11,10 +11,9 @@ from preshape.control.failure import TaskFailed
 from preshape.control.grasp_choice import PREGRASP_M, back_off, reachable_grips
 from preshape.control.motions import Motion, lead_palm, wait
 from preshape.control.task_grasp import take_off
-from preshape.control.task_stand import raised
 from preshape.control.work import Work
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, exp_so3, inverse, transform
+from preshape.hal.transform import Matrix, exp_so3, inverse, raised, transform
 from preshape.hal.world import Workcell
 from preshape.planner.air_pose import AirPlace
 from preshape.planner.plan_scene import LIFT_M

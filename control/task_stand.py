@@ -14,7 +14,7 @@ from preshape.control.motions import Motion, lead_fingers, lead_palm, wait, wait
 from preshape.control.straddle_grip import straddle_grip
 from preshape.control.work import Work
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, inverse, transform
+from preshape.hal.transform import Matrix, inverse, raised, transform
 from preshape.hal.world import FACES, Face, NominalBox, face_normal
 from preshape.planner.air_pose import upper_face
 from preshape.planner.arm_capsules import HeldBox
@@ -93,24 +93,14 @@ def standing(box: NominalBox, end: Face, beside: Face, place: tuple[float, float
     return transform((*place, float(box.size[box.long_axis]) / 2), R)
 
 
-def raised(X: Matrix, height: float) -> Matrix:
-    """Return a pose moved straight up."""
-    return transform((0.0, 0.0, height)) @ X
-
-
 def away(X_world_palm: Matrix, X_world_box: Matrix, up: Face, distance: float) -> Matrix:
     """Return a palm pose moved off the box along the normal of the face it is over."""
     return transform(distance * (X_world_box[:3, :3] @ face_normal(up))) @ X_world_palm
 
 
-def caps(box: NominalBox) -> tuple[Face, ...]:
-    """Return the end caps, the top one first: the box's long axis points from its bottom to its top."""
-    return tuple(face for face in FACES if "xyz".index(face[1]) == box.long_axis)
-
-
 def grips(box: NominalBox, up: Face) -> Iterator[tuple[Grip, Face]]:
     """Yield the grips of a lying box with the end cap that comes up."""
-    ends = caps(box)
+    ends = box.end_caps
     sides: list[Face] = [face for face in FACES if face[1] not in (up[1], ends[0][1])]
     for finger_face, end in product(sides, ends):
         yield straddle_grip(box.size, up, finger_face, end), end
@@ -163,7 +153,7 @@ def choose_stand(work: Work, X_world_box: Matrix, up: Face) -> Generator[None, N
     other hand. One candidate is looked at in a tick.
     """
     ways = takings(work, X_world_box, up)
-    for top in caps(work.box):
+    for top in work.box.end_caps:
         best: tuple[Taking, Standing] | None = None
         for place in PLACES:
             for taking, yaw in product([way for way in ways if way.end == top], YAWS):

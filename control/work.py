@@ -47,7 +47,7 @@ CARRY_ACCELERATION = 0.3
 """Largest acceleration of a held box's centre and ends while it is carried, m/s^2: more makes it slide in the grip."""
 CARRY_TURN_SPEED = 0.45
 """Largest turning speed of a held box, rad/s."""
-CLEARANCE_M, CLOSE_M = 0.020, 0.005
+CLEARANCE_M, CLOSE_M = 0.020, 0.008
 """Clearance that chosen arm postures keep from everything they must not touch, and where obstacles leave no more, m."""
 
 

@@ -68,9 +68,9 @@ TICK = np.dtype(
 
 Joint quantities are (40,) in layout order. `stop_reason` is empty until a stop is asked for. `begun`: a step of
 a controller that thinks beside the loop was begun in this tick; `held`: it was still thinking, and what moved was
-braked. `group_distance` (2, 3), m: the least distance
-of each group of the right and of the left hand to what it must not touch; `group_point`, m, and `group_force`, N:
-the reciprocal point there and the force on the group, in the world; NaN where they were not evaluated.
+braked. `group_distance` (2, 3), m: the least distance of each group of the right and of the left hand to what it must
+not touch; `group_point`, m, and `group_force`, N: the reciprocal point there and the force on the group, in the world;
+NaN where they were not evaluated.
 `X_world_preshape`, `preshape_half` (m) and `tip_target` (m, in the world): the preshaping box that each hand is on
 its way to and where its fingertips shall be; NaN when there is none. `opening_face` and `opening_edge`: where the
 opening was found, as indices of `world.FACES`, -1 before; `opening_offset`, m. `X_world_object` is the estimate used

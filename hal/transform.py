@@ -40,6 +40,11 @@ def transform(p: ArrayLike = (0.0, 0.0, 0.0), R: ArrayLike | None = None) -> Mat
     return X
 
 
+def raised(X: Matrix, height: float) -> Matrix:
+    """Return a pose moved straight up in the world by a height, m."""
+    return transform((0.0, 0.0, height)) @ X
+
+
 def inverse(X: Matrix) -> Matrix:
     """Return X_b_a of X_a_b; works on stacks (..., 4, 4)."""
     R_T = np.swapaxes(X[..., :3, :3], -1, -2)

@@ -52,6 +52,11 @@ class NominalBox:
         """Index of the longest edge's direction."""
         return int(np.argmax(self.size))
 
+    @property
+    def end_caps(self) -> tuple[Face, ...]:
+        """The faces at the ends of the longest edge, the top one first: it points from the bottom to the top."""
+        return tuple(face for face in FACES if "xyz".index(face[1]) == self.long_axis)
+
 
 @dataclass(frozen=True, slots=True)
 class Opening:

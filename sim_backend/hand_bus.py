@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from preshape.hal.kernel_warm_up import warm_up
 from preshape.sim_backend.bare_robot import BareRobot
 from preshape.sim_backend.bus_joints import BusJoints, BusWiring
-from preshape.sim_backend.joint_module import ModuleEvent
+from preshape.sim_backend.modules_log import ModulesLog
 from preshape.sim_backend.paced_layout import state_record
 from preshape.sim_backend.paced_physics import PacedPhysics, run_with_priority, take_priority
 from preshape.sim_backend.real_pace import RealPace
@@ -21,21 +20,10 @@ Ended = Callable[[], bool]
 """Asked once a step: whether to end."""
 
 
-@dataclass(frozen=True, slots=True)
-class BusLog:
-    """What the modules did: their changes of state by time, and the largest share of a torque limit in physics.
-
-    The share is what lasted for 10 ms, as the referee takes it; None where there is no referee.
-    """
-
-    events: list[ModuleEvent]
-    max_torque_ratio: float | None = None
-
-
-def serve_scene(scenario: Scenario, wiring: BusWiring, ready: Callable[[ScenePlace], None], ended: Ended) -> BusLog:
+def serve_scene(scenario: Scenario, wiring: BusWiring, ready: Callable[[ScenePlace], None], ended: Ended) -> ModulesLog:
     """Simulate a drawn scenario behind modules until a run that has come to it finishes, or until `ended`.
 
-    `ready` is told of the scene's place once everything is up.
+    `ready` is told of the scene's place once everything is up. Returns what the modules did.
 
     Raises:
         DeviceUnreachable: a bus cannot be opened, or another hand bus serves these buses.
@@ -51,7 +39,7 @@ def serve_scene(scenario: Scenario, wiring: BusWiring, ready: Callable[[ScenePla
         simulation.after_step.append(lambda time_ns: physics.end() if ended() else None)
         ready(place)
         run_with_priority(physics, joints)
-        return BusLog(joints.rack.events, physics.verdict().max_torque_ratio)
+        return ModulesLog(joints.rack.events, physics.verdict().max_torque_ratio)
     finally:
         joints.close()
         port.close()
@@ -59,8 +47,8 @@ def serve_scene(scenario: Scenario, wiring: BusWiring, ready: Callable[[ScenePla
         place.state.unlink(missing_ok=True)
 
 
-def serve_robot(seed: int, wiring: BusWiring, ready: Callable[[], None], ended: Ended) -> BusLog:
-    """Move the bare robot behind modules until `ended`; `DeviceUnreachable` if a bus cannot be opened."""
+def serve_robot(seed: int, wiring: BusWiring, ready: Callable[[], None], ended: Ended) -> ModulesLog:
+    """Move the bare robot behind modules until `ended`; return what they did. `DeviceUnreachable`: no such bus."""
     robot = BareRobot(seed)
     joints = BusJoints(robot, wiring)
     try:
@@ -72,6 +60,6 @@ def serve_robot(seed: int, wiring: BusWiring, ready: Callable[[], None], ended: 
         while not ended():
             robot.step()
             pace.wait(robot.time_ns)
-        return BusLog(joints.rack.events)
+        return ModulesLog(joints.rack.events)
     finally:
         joints.close()

@@ -16,7 +16,7 @@ from preshape.hal.device import DeviceUnreachable
 from preshape.tools import cli, command_run, run_options
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import decode_report
-from preshape.tools.run_directory import choose_directory, kept_if_used
+from preshape.tools.run_directory import run_directory
 
 HEAVY = ("numpy", "mujoco", "numba", "placo", "ruckig", "rerun", "zenoh", "joblib")
 
@@ -186,11 +186,16 @@ def test_the_options_offer_exactly_what_the_controller_knows() -> None:
     assert set(get_args(run_options.NormName)) == set(NORMS)
 
 
-def test_a_run_that_cannot_begin_leaves_no_folder_and_one_that_has_written_leaves_its_files(tmp_path: Path) -> None:
-    for written in (False, True):
-        folder = choose_directory(tmp_path / str(written), "tea_box", 0)
-        with pytest.raises(DeviceUnreachable), kept_if_used(folder):
-            if written:
-                (folder / "recording.mcap").touch()
-            raise DeviceUnreachable("nothing there")
-        assert folder.exists() == written
+@pytest.mark.parametrize(("there", "written", "stays"), [(0, 0, False), (0, 1, True), (1, 0, True)])
+def test_a_run_that_cannot_begin_leaves_no_folder_unless_it_was_there_or_has_files(
+    tmp_path: Path, there: bool, written: bool, stays: bool
+) -> None:
+    folder = tmp_path / "run"
+    if there:
+        folder.mkdir()
+    with pytest.raises(DeviceUnreachable), run_directory(folder, "tea_box", 0) as made:
+        assert made == folder and folder.is_dir()
+        if written:
+            (folder / "recording.mcap").touch()
+        raise DeviceUnreachable("nothing there")
+    assert folder.exists() == stays

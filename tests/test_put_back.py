@@ -16,10 +16,9 @@ from preshape.control.grasp_choice import GraspChoice, reachable_grips, shown_fa
 from preshape.control.guard import ObstacleGuard
 from preshape.control.sight import Sight
 from preshape.control.task_put_back import EDGE_M, moves_on_table, resting_place, stands_on_table
-from preshape.control.task_stand import raised
 from preshape.control.work import Work
 from preshape.hal.layout import LAYOUT
-from preshape.hal.transform import Matrix, exp_so3, inverse, transform
+from preshape.hal.transform import Matrix, exp_so3, inverse, raised, transform
 from preshape.hal.world import NominalBox, OrientedBox
 from preshape.planner.air_pose import AirPlace
 from preshape.planner.arm_kinematics import palm_pose

@@ -62,9 +62,9 @@ def execute(options: Options) -> int:
     """Serve until it is over."""
     from preshape.sim_backend.bus_joints import BusWiring
     from preshape.sim_backend.hand_bus import serve_robot, serve_scene
-    from preshape.tools.bus_log_text import bus_log_lines
     from preshape.tools.can_setup import hand_bus
     from preshape.tools.configuration import load_scenario
+    from preshape.tools.modules_log_text import modules_log_lines
 
     topology, addresses = hand_bus(options.profile, options.interface, options.channel)
     wiring = BusWiring(topology, addresses, options.patience_cycles, options.pace)
@@ -83,7 +83,7 @@ def execute(options: Options) -> int:
         log = serve_robot(seed, wiring, ready, ended)
     else:
         log = serve_scene(scenario.drawn(seed), wiring, ready, ended)
-    print("\n".join(bus_log_lines(log, topology)), flush=True)
+    print("\n".join(modules_log_lines(log, topology)), flush=True)
     return ExitCode.DONE
 
 

@@ -53,7 +53,7 @@ def execute(options: Options) -> int:
     from preshape.tools.dash_child import DashChild
     from preshape.tools.progress import RunProgress
     from preshape.tools.recorder import Recorder
-    from preshape.tools.run_directory import choose_directory, kept_if_used, write_run
+    from preshape.tools.run_directory import run_directory, write_run
     from preshape.tools.session import run_session
     from preshape.tools.stop_signals import StopSignals
     from preshape.tools.telemetry_file import load_telemetry
@@ -63,10 +63,9 @@ def execute(options: Options) -> int:
     wanted = options.telemetry or options.telemetry_config is not None or options.dashboard
     telemetry = load_telemetry(options.telemetry_config) if wanted else None
     dashboard = DashChild(telemetry) if telemetry is not None and options.dashboard else nullcontext()
-    directory = choose_directory(options.out, scenario.name, seed)
-    bus_log = directory / "can.log" if options.device == "can" and options.record else None
     watched = RunProgress(judged(scenario.shape).names)
-    with kept_if_used(directory), StopSignals() as signals:
+    with run_directory(options.out, scenario.name, seed) as directory, StopSignals() as signals:
+        bus_log = directory / "can.log" if options.device == "can" and options.record else None
         with dashboard, Recorder(directory) as recorder, watched as progress:
             kept = recorder if options.record else None
             result = run_session(scenario, seed, options, [progress.watch], telemetry, bus_log, kept, signals)

@@ -24,12 +24,15 @@ class HeldMotion:
         self._position: Vector | None = None
         self._velocity, self._acceleration = np.zeros(LAYOUT.dof), np.zeros(LAYOUT.dof)
         self._limit = LAYOUT.torque.copy()
-        self._braking = False
+        self._braking = self._diverged = False
 
-    @property
-    def state(self) -> tuple[Vector, Vector]:
-        """Position (40,), rad, and velocity (40,), rad/s, of the last command."""
-        return self._known, self._velocity
+    def take_over(self) -> tuple[Vector, Vector] | None:
+        """Return the command that the controller has to go on from, once; None when the last was its own setpoint.
+
+        Position (40,), rad, and velocity (40,), rad/s.
+        """
+        diverged, self._diverged = self._diverged, False
+        return (self._known, self._velocity) if diverged else None
 
     def note(self, setpoint: Setpoint) -> None:
         """Take note of a setpoint of the controller's own; two of them tell the velocity, three the acceleration."""
@@ -42,13 +45,14 @@ class HeldMotion:
     def follow(self, position: Vector, velocity: Vector) -> None:
         """Continue from a command that is not the last setpoint."""
         self._position, self._velocity = position.copy(), velocity.copy()
-        self._acceleration, self._braking = np.zeros(LAYOUT.dof), False
+        self._acceleration, self._braking, self._diverged = np.zeros(LAYOUT.dof), False, True
 
     def step(self) -> Setpoint:
         """Return the setpoint of a tick in which the controller has none."""
         if not self._braking:
             self._smoother.seed(self._known, self._velocity, self._acceleration)
             self._braking = True
+        self._diverged = True
         braked = self._smoother.brake()
         self._position, self._velocity = braked.position, braked.velocity
         return Setpoint(braked.position, self._limit)

@@ -21,20 +21,21 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NoReturn
 
+from preshape.control.box_opening import TASK_NAMES
+from preshape.hal.can.topology import TOPOLOGY
 from preshape.sim_backend.referee_report import TORQUE_RATIO_ALLOWED
 from preshape.tools.exit_codes import ExitCode
+from preshape.tools.wire_monitor import PERIOD_S
 from preshape.tools.wire_rules import stop_limit_s
 
 PRESHAPE = (sys.executable, "-c", "from preshape.tools.cli import main; main()")
-TASKS = 5
 READY_S, TASK_S, END_S = 120.0, 400.0, 60.0
 """Longest time until a world is up, until a task begins and until a process ends, s."""
 LEFT_ALONE_S = 1.0
 """How long modules or served joints are left to themselves, s of their own time."""
 REASON = "safety stop"
 """What the line holds by which a controller says how it ended."""
-PERIOD_S = 0.002
-MODULES = 12
+MODULES = len(TOPOLOGY.modules)
 
 
 class Background:
@@ -115,7 +116,7 @@ def kill_in(task: int, device: str, victim: str, seed: int, pace: float, later_s
         other.end(signal.SIGINT)
         print(f"killed in {where!r}:")
         print("\n".join(f"    {line}" for line in _after_arming(other.text)), flush=True)
-        return _faults_of_modules(other.text) if device == "can" else _faults_of_served(other.text)
+        return faults_of_modules(other.text) if device == "can" else faults_of_served(other.text)
     finally:
         for process in (controller, world):
             if process is not None:
@@ -128,8 +129,8 @@ def _after_arming(text: str) -> list[str]:
     return lines[armed[0] :] if armed else lines
 
 
-def _faults_of_modules(text: str) -> list[str]:
-    """Return what the modules' log says against them."""
+def faults_of_modules(text: str) -> list[str]:
+    """Return what the modules' log, as a hand bus prints it, says against them."""
     limit_ms = 1e3 * stop_limit_s(PERIOD_S)
     faults: list[str] = []
     stopped = 0
@@ -145,7 +146,8 @@ def _faults_of_modules(text: str) -> list[str]:
     return faults + _torque_faults(text)
 
 
-def _faults_of_served(text: str) -> list[str]:
+def faults_of_served(text: str) -> list[str]:
+    """Return what a server's notes say against the joints that it has served."""
     faults = [] if "stopped: the client has gone" in text else ["the joints were not stopped"]
     return faults + _torque_faults(text)
 
@@ -162,7 +164,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     parser = argparse.ArgumentParser(prog="kill_in_tasks", description="Kill one side of a run in each task.")
     parser.add_argument("--device", choices=("can", "zenoh"), default="can", help="default: %(default)s")
     parser.add_argument("--victim", choices=("controller", "world"), default="controller", help="default: %(default)s")
-    parser.add_argument("--tasks", type=int, nargs="+", default=list(range(1, TASKS + 1)), help="default: all five")
+    parser.add_argument(
+        "--tasks", type=int, nargs="+", default=list(range(1, len(TASK_NAMES) + 1)), help="default: all five"
+    )
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
     parser.add_argument("--later-s", type=float, default=2.0, help="after the task's beginning; default: %(default)g")
     parser.add_argument("--pace", type=float, default=1.0, help="of a hand bus; default: %(default)g")

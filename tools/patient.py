@@ -44,7 +44,7 @@ class PatientController:
         self._answers: SimpleQueue[Setpoint | Exception] = SimpleQueue()
         self._thread = Thread(target=self._think, name="controller", daemon=True)
         self._motion = HeldMotion(period_s)
-        self._busy = self._holding = self._begun = self._diverged = False
+        self._busy = self._holding = self._begun = False
         self._steps = self._waited = 0
         self.held = 0
 
@@ -58,7 +58,6 @@ class PatientController:
 
     def step(self, tick: int, now_ns: int, state: RobotState) -> Setpoint:
         """Return the inner controller's setpoint if it is ready in time, else that of the motion held meanwhile."""
-        self._begun = False
         if self._busy and self._answer(0.0) is None:
             return self._hold()
         self._begin(now_ns, state)
@@ -69,10 +68,8 @@ class PatientController:
         return answer
 
     def _begin(self, now_ns: int, state: RobotState) -> None:
-        followed = self._motion.state if self._diverged else None
-        self._asked.put(_Step(self._steps, now_ns, state, followed))
+        self._asked.put(_Step(self._steps, now_ns, state, self._motion.take_over()))
         self._begun = self._busy = True
-        self._diverged = False
         self._steps += 1
         self._waited = 0
 
@@ -94,13 +91,12 @@ class PatientController:
 
     def _hold(self) -> Setpoint:
         self.held += 1
-        self._holding = self._diverged = True
+        self._holding = True
         return self._motion.step()
 
     def follow(self, position: Vector, velocity: Vector) -> None:
         """Let the inner controller's next step continue from this command."""
         self._motion.follow(position, velocity)
-        self._diverged = True
 
     def note(self, record: TickRecord) -> None:
         """Let the inner controller write into the record, which may be half way through its step; say if it held."""

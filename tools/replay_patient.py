@@ -39,7 +39,6 @@ class ReplayPatient:
         self._inner, self._kept = inner, kept
         self._motion = HeldMotion(period_s)
         self._answer: Setpoint | Exception | None = None
-        self._diverged = False
         self._steps = 0
 
     def step(self, tick: int, now_ns: int, state: RobotState) -> Setpoint:
@@ -48,11 +47,11 @@ class ReplayPatient:
         if pace.begun:
             if isinstance(self._answer, Exception):
                 raise self._answer
-            if self._diverged:
-                self._inner.follow(*self._motion.state)
-            self._answer, self._diverged = self._think(now_ns, state), False
+            followed = self._motion.take_over()
+            if followed is not None:
+                self._inner.follow(*followed)
+            self._answer = self._think(now_ns, state)
         if pace.held:
-            self._diverged = True
             return self._motion.step()
         if isinstance(self._answer, Exception):
             raise self._answer
@@ -64,7 +63,6 @@ class ReplayPatient:
     def follow(self, position: Vector, velocity: Vector) -> None:
         """Let the inner controller's next step continue from this command."""
         self._motion.follow(position, velocity)
-        self._diverged = True
 
     def note(self, record: TickRecord) -> None:
         """Let the inner controller write into the record."""

@@ -23,24 +23,25 @@ CLOSING_PHASES = {4: "crush"}
 """The picture of task 4 is the crush, not the hand that has left the box again."""
 
 
-def choose_directory(out: Path | None, scenario: str, seed: int) -> Path:
-    """Return the folder for a run's files, made if missing: `out`, or runs/<time>-<scenario>-<seed>.
+@contextmanager
+def run_directory(out: Path | None, scenario: str, seed: int) -> Generator[Path]:
+    """Give the folder for a run's files, made if missing: `out`, or runs/<time>-<scenario>-<seed>.
+
+    When the run ends by an exception and has written nothing, a folder that was made for it goes with it.
 
     Raises:
         ConfigurationError: it cannot be made.
     """
-    return make_directory(out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario}-{seed}")
-
-
-@contextmanager
-def kept_if_used(directory: Path) -> Generator[Path]:
-    """Give a run's folder; when the run ends by an exception and has written nothing, the folder goes with it."""
+    directory = out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario}-{seed}"
+    made = not directory.exists()
+    make_directory(directory)
     try:
         yield directory
     except BaseException:
-        # Refused for a folder that holds something.
-        with suppress(OSError):
-            directory.rmdir()
+        if made:
+            # Refused for a folder that holds something.
+            with suppress(OSError):
+                directory.rmdir()
         raise
 
 

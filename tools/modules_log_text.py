@@ -5,11 +5,11 @@ from __future__ import annotations
 from itertools import groupby
 
 from preshape.hal.can.topology import Topology
-from preshape.sim_backend.hand_bus import BusLog
 from preshape.sim_backend.joint_module import ModuleEvent
+from preshape.sim_backend.modules_log import ModulesLog
 
 
-def bus_log_lines(log: BusLog, topology: Topology) -> list[str]:
+def modules_log_lines(log: ModulesLog, topology: Topology) -> list[str]:
     """Return the log in lines; what happens to several modules in the same step, for the same reason, is one line."""
     names = {module.node: module.name for module in topology.modules}
     lines = ["the modules' log, in their own time:"]
