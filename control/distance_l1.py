@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 
 TIE_M = 1e-14
 """Dual values closer than this are one value, m."""

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 
 KAPPA = 0.5
 """Preference for the middle of the link, 1/m: two degrees of tilt move the point by 70 mm, D by at most 2 mm."""

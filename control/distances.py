@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from preshape.control.distance_l1 import WORK_L1, pair_l1
 from preshape.control.distance_l2 import WORK_L2, pair_l2
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
 from preshape.hal.world import OrientedBox
-from preshape.planner.compiled import compiled
 
 Norm = Literal["l1", "l2"]
 NORMS: tuple[Norm, ...] = ("l1", "l2")

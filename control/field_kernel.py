@@ -14,8 +14,8 @@ from preshape.control.distances import relative_box, rotated
 from preshape.control.groups import SOFT_WINDOW, tie_weights
 from preshape.control.link_boxes import NodePoses, Tree
 from preshape.control.potentials import repulsion
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]

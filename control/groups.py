@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from preshape.control.link_boxes import PARTS
 from preshape.hal import sah_hand
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 
 Group = Literal["palm", "thumb", "fingers"]
 GROUPS: tuple[Group, Group, Group] = ("palm", "thumb", "fingers")

@@ -14,12 +14,12 @@ from preshape.control.distances import Boxes, PairDistances, pair_distances
 from preshape.control.link_boxes import NODE_COUNT, NODES, LinkBoxes, NodePoses, arm_nodes
 from preshape.control.sight import Sight
 from preshape.hal import panda_arm
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse
 from preshape.hal.world import NominalBox
 from preshape.planner.capsule_distance import segment_box_distance
-from preshape.planner.compiled import compiled
 
 MARGIN_M = 0.010
 """Distance from an obstacle that no motion may bring to less, m."""

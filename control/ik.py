@@ -22,11 +22,11 @@ import numpy as np
 import placo  # pyright: ignore[reportMissingImports]
 from numpy.typing import ArrayLike
 
+from preshape.hal.compiled import compiled
 from preshape.hal.description import ARM_BASE, robot_urdf
 from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side, arm_joint_names
 from preshape.hal.transform import Matrix, transform
 from preshape.planner.arm_kinematics import FRAME_COUNT, PALM, chain_frames, link_origins, mount
-from preshape.planner.compiled import compiled
 
 ARMS_DOF = ARM_DOF * len(SIDES)
 JOINT_NAMES = tuple(name for side in SIDES for name in arm_joint_names(side))

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from preshape.hal import panda_arm, sah_hand
+from preshape.hal.compiled import compiled
 from preshape.hal.description import ARM_BASE, hand_joint_origin, joint_axis, palm_mount, part_box
 from preshape.hal.layout import LAYOUT, SIDES, Side, arm_joint_names
 from preshape.hal.transform import Matrix, hat, rpy_matrix, transform
-from preshape.planner.compiled import compiled
 
 PARTS: tuple[str, ...] = tuple(sah_hand.PARTS)
 PART_COUNT = len(PARTS)

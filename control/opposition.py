@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import HAND_DOF, finger_slice
 from preshape.hal.state import Vector
-from preshape.planner.compiled import compiled
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]

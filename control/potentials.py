@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix, log_so3
-from preshape.planner.compiled import compiled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

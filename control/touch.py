@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import HAND_DOF
 from preshape.hal.state import Vector
-from preshape.planner.compiled import compiled
 
 Flags = NDArray[np.bool_]
 

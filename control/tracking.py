@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.state import Vector
-from preshape.planner.compiled import compiled
 
 TRACKING_GAIN = 40.0
 """Speed per distance from a tracked target, 1/s."""

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.transform import Matrix
 from preshape.hal.world import OrientedBox, Workcell
 from preshape.planner.arm_capsules import HeldBox, box_pairs, capsule_pairs, frame_index, robot_capsules
 from preshape.planner.arm_kinematics import FRAME_COUNT, chain_frames, link_origins, mount
 from preshape.planner.capsule_distance import segment_box_distance, segment_distance
-from preshape.planner.compiled import compiled
 
 ARMS_DOF = ARM_DOF * len(SIDES)
 

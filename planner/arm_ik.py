@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from preshape.hal import panda_arm
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import ARM_DOF, LAYOUT, Side
 from preshape.hal.transform import Matrix, inverse
 from preshape.planner.arm_kinematics import mount
-from preshape.planner.compiled import compiled
 
 D1 = panda_arm.JOINTS[0].xyz[2]
 D3 = -panda_arm.JOINTS[2].xyz[1]

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from preshape.hal import panda_arm
+from preshape.hal.compiled import compiled
 from preshape.hal.description import palm_mount
 from preshape.hal.layout import ARM_DOF, Side
 from preshape.hal.transform import Matrix, rpy_matrix, transform
-from preshape.planner.compiled import compiled
 
 FRAME_COUNT = ARM_DOF + 2
 """Frames of one arm: link 0 .. link 7, then the palm."""

@@ -12,12 +12,12 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.transform import Matrix
 from preshape.planner.arm_collision import ArmCollision, arms_vector
 from preshape.planner.arm_ik import IkGrid, joint_range, solve_palm
 from preshape.planner.arm_kinematics import FRAME_COUNT, chain_frames, joint_vector, link_origins, mount, palm_jacobian
-from preshape.planner.compiled import compiled
 
 MANIPULABILITY_WEIGHT = 600.0
 """Degrees that one unit of manipulability is worth."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 
 BOX_SEARCH_STEPS = 28
 """Golden-section steps along a segment: 0.618^28 of its length, well below a micrometre on an arm."""

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from preshape.hal import sah_hand
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix, inverse
 from preshape.hal.world import OrientedBox
-from preshape.planner.compiled import compiled
 from preshape.planner.hand_kinematics import PART_NAMES, hand_kinematics
 
 BOX_SAMPLES = 7

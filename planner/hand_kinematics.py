@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from preshape.hal import sah_hand
+from preshape.hal.compiled import compiled
 from preshape.hal.description import hand_joint_origin, joint_axis
 from preshape.hal.layout import HAND_DOF, LAYOUT, Side, hand_joint_names
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 
 PART_NAMES: tuple[str, ...] = tuple(sah_hand.PARTS)
 PART_COUNT = len(PART_NAMES)

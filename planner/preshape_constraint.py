@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 from preshape.planner.hand_kinematics import HandTables, tips_and_jacobians
 from preshape.planner.small_matrix import mat_mat, mat_t_vec, mat_vec
 

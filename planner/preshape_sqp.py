@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
 from preshape.planner.bounded_qp import solve_bounded_qp
-from preshape.planner.compiled import compiled
 from preshape.planner.hand_kinematics import HandTables
 from preshape.planner.preshape_constraint import Nominal, constraint_curvature, tip_constraint
 from preshape.planner.small_matrix import mat_vec

@@ -6,11 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix
 from preshape.planner.arm_capsules import hand_capsules
 from preshape.planner.capsule_distance import segment_distance
-from preshape.planner.compiled import compiled
 
 SAMPLES = 6
 """Points along each edge of the rectangle looked at."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from preshape.hal.compiled import compiled
 from preshape.hal.transform import Matrix
-from preshape.planner.compiled import compiled
 
 
 @compiled

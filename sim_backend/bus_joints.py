@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from preshape.hal.can.bus_address import BusAddress, open_buses
 from preshape.hal.can.topology import Topology
+from preshape.sim_backend.command_cadence import DELAY_STEPS
 from preshape.sim_backend.module_rack import ModuleRack
 from preshape.sim_backend.plant import Plant
 from preshape.sim_backend.shared_block import Record
@@ -32,7 +33,7 @@ class BusJoints:
     def __init__(self, plant: Plant, wiring: BusWiring) -> None:
         """Open the buses and switch the modules on, with keys that nobody can foresee. `DeviceUnreachable`."""
         buses = open_buses(wiring.topology, wiring.addresses)
-        self.rack = ModuleRack(wiring.topology, plant, buses, secrets.randbits(64), even=True)
+        self.rack = ModuleRack(wiring.topology, plant, buses, secrets.randbits(64), delay_steps=DELAY_STEPS)
         for module in self.rack.modules.values():
             module.parameters.watchdog_cycles = wiring.watchdog_cycles
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 DELAY_STEPS = 1
-"""How long the first command after a pause waits: the ones after it may then come this much late or early, steps."""
+"""How long the first command after a pause waits where its sender's time is not the plant's, steps."""
 
 
 class CommandCadence:
@@ -11,14 +11,21 @@ class CommandCadence:
 
     Drives interpolate from target to target within one command period. Taken as they arrive, commands whose sender
     needs now 0.7 and now 1.2 ms would be 1, 2 or 3 steps apart, and the targets' speed would ripple by half.
-    Law: commands that arrive within `DELAY_STEPS` of an even distance are taken at exactly that distance.
+    Laws: commands that arrive within `delay_steps` after an even distance are taken at exactly that distance; one
+    that arrives later is taken at once, and puts off those after it, so that the next ones may be as late as it was.
     """
 
-    def __init__(self, period_steps: int) -> None:
-        """Expect a command every `period_steps`; `ValueError` unless that is at least one."""
+    def __init__(self, period_steps: int, delay_steps: int = DELAY_STEPS) -> None:
+        """Expect a command every `period_steps`, and let the first one after a pause wait for `delay_steps`.
+
+        Raises:
+            ValueError: the period is less than one step, or the delay negative.
+        """
         if period_steps < 1:
             raise ValueError(f"period_steps: got {period_steps}, allowed is >= 1")
-        self._period = period_steps
+        if delay_steps < 0:
+            raise ValueError(f"delay_steps: got {delay_steps}, allowed is >= 0")
+        self._period, self._delay = period_steps, delay_steps
         self._due: int | None = None
 
     def reset(self) -> None:
@@ -30,7 +37,7 @@ class CommandCadence:
         if not waiting:
             return False
         if self._due is None or step > self._due + self._period:
-            self._due = step + DELAY_STEPS
+            self._due = step + self._delay
         if step < self._due:
             return False
         self._due = step + self._period

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import SIDES
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
 from preshape.hal.world import FACES, face_normal
-from preshape.sim_backend.compiled import compiled
 from preshape.sim_backend.contact_rules import (
     CLASS,
     PARTS,

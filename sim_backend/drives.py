@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
-from preshape.sim_backend.compiled import compiled
 
 LEAD_FILTER_S = 0.008
 """Time constant of the arms' commanded velocity, s."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
-from preshape.sim_backend.compiled import compiled
 from preshape.sim_backend.contact_scan import LINKS
 
 DEADBAND_M = 0.0002

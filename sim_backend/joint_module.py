@@ -31,8 +31,10 @@ from preshape.hal.can.vocabulary import (
 )
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import Vector
+from preshape.sim_backend.command_cadence import CommandCadence
 from preshape.sim_backend.drives import JointDrives, Joints
 from preshape.sim_backend.module_parameters import FIRMWARE_MINOR, ModuleParameters
+from preshape.sim_backend.simulation import STEP_NS
 
 ROOM_DEGC, MOST_DEGC = 25.0, 85.0
 HEATING_DEGC, HEATING_S = 50.0, 60.0
@@ -56,9 +58,10 @@ class ModuleEvent:
 class JointModule:
     """One module in front of its joints' drives and sensors; all times are those of the plant.
 
-    `receive_*` take frames, `due` returns those to be sent. `counts` says how many broadcasts were `taken`, `repeated`,
-    or refused as `foreign` (another session), `late` (a sequence that is not newer), `unarmed` or `damaged`; `events`
-    are its changes of state, in order.
+    `receive_*` take frames, `act` lets the drives do what was commanded, at even distances of time however unevenly
+    commands arrive (`CommandCadence`), `due` returns the frames to be sent. `counts` says how many broadcasts were
+    `taken`, `repeated`, or refused as `foreign` (another session), `late` (a sequence that is not newer), `unarmed` or
+    `damaged`; `events` are its changes of state, in order.
 
     Before it is armed, after a stop and without power its joints are held where they were measured.
     """
@@ -72,8 +75,12 @@ class JointModule:
         random: Random,
         reply_s: float = 0.0,
         now_ns: int = 0,
+        delay_steps: int = 0,
     ) -> None:
-        """Switch on; `random` gives the arming keys, a state is sent `reply_s` after the broadcast it answers."""
+        """Switch on; `random` gives the arming keys, a state is sent `reply_s` after the broadcast it answers.
+
+        `delay_steps`: how long the first command waits, so that those after it may be as late.
+        """
         self.module = module
         self.state, self.error = ModuleState.DISARMED, ModuleError.NONE
         self.counts: Counter[str] = Counter()
@@ -84,7 +91,7 @@ class JointModule:
         self._indices = np.array(module.indices, dtype=np.int64)
         self._joints: Joints = place(module.indices)
         self._drives, self._sample, self._random = drives, sample, random
-        self._reply_ns = round(reply_s * 1e9)
+        self._reply_ns, self._delay_steps = round(reply_s * 1e9), delay_steps
         self.parameters = ModuleParameters(module, drives, self._joints)
         self.powered = True
         self._boots = self._beats = self._emergencies = 0
@@ -96,7 +103,7 @@ class JointModule:
 
     def power_off(self) -> None:
         """Go dark in the middle of whatever it does: the brakes close, nothing is said any more."""
-        self.powered = False
+        self.powered, self._waiting = False, None
         self._outgoing.clear()
         self._hold()
 
@@ -113,6 +120,7 @@ class JointModule:
         self._answer: tuple[int, int, bool] | None = None
         self._last_answered: tuple[int, int] | None = None
         self._mode: WireMode | None = None
+        self._waiting: GroupCommand | None = None
         self._commanded_ns: int | None = None
         self._beat_ns = now_ns
         self._enter(now_ns, ModuleState.DISARMED, ModuleError.NONE, "power on")
@@ -150,6 +158,13 @@ class JointModule:
         reply = Reply(answer, request.parameter, request.tag, request.joint, value, self._key)
         self._outgoing.append((reply_id(node), encode_reply(reply_id(node), reply)))
 
+    def act(self, now_ns: int) -> None:
+        """Execute the newest command if one waits and it is time; call it once a step."""
+        waiting = self._waiting
+        if self._cadence.takes(now_ns // STEP_NS, waiting is not None) and waiting is not None:
+            self._execute(waiting)
+            self._mode, self._waiting = waiting.mode, None
+
     # What goes out.
 
     def due(self, now_ns: int) -> list[tuple[int, bytearray]]:
@@ -174,15 +189,14 @@ class JointModule:
     # Inside.
 
     def _take(self, command: GroupCommand, now_ns: int) -> bool:
-        """Execute a command if it is of this session and newer than the last; return whether it was."""
+        """Let a command wait to be executed if it is of this session and newer than the last; return whether it is."""
         refusal = self._refusal(command)
         if refusal:
             self.counts[refusal] += 1
             return False
         self._sequence, self._commanded_ns = command.sequence, now_ns
         self.counts["taken"] += 1
-        self._execute(command)
-        self._mode = command.mode
+        self._waiting = command
         return True
 
     def _refusal(self, command: GroupCommand) -> str:
@@ -269,7 +283,8 @@ class JointModule:
             self._session = 0
         silence_ns = None if self._commanded_ns is None else now_ns - self._commanded_ns
         self.state, self.error = state, error
-        self._mode = self._commanded_ns = None
+        self._mode = self._commanded_ns = self._waiting = None
+        self._cadence = CommandCadence(max(1, self.parameters.cycle_us * 1000 // STEP_NS), self._delay_steps)
         self._hold()
         self.events.append(ModuleEvent(now_ns, self.module.node, state, cause, silence_ns))
 

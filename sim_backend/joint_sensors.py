@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from preshape.hal import sah_hand
+from preshape.hal.compiled import compiled
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
-from preshape.sim_backend.compiled import compiled
 from preshape.sim_backend.robot_model import joint_addresses
 
 Indices = NDArray[np.int64]

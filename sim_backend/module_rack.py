@@ -15,10 +15,8 @@ from preshape.hal.can.quick_stop_codec import QUICK_STOP_LENGTH
 from preshape.hal.can.topology import BusSpec, Topology
 from preshape.hal.can.wire import Handler, Wire
 from preshape.hal.state import Vector
-from preshape.sim_backend.even_commands import EvenCommands
 from preshape.sim_backend.joint_module import JointModule, ModuleEvent
 from preshape.sim_backend.plant import Plant
-from preshape.sim_backend.simulation import STEP_NS
 
 
 class ModuleRack:
@@ -34,14 +32,12 @@ class ModuleRack:
         buses: Mapping[str, can.BusABC],
         seed: int,
         reply_s: float = 0.0,
-        even: bool = False,
+        delay_steps: int = 0,
     ) -> None:
         """Put modules on open buses (by name) and on a plant's hooks; `seed` draws their keys.
 
-        `even`: broadcasts are taken at even distances, for senders whose time is not the plant's.
+        `delay_steps`: how long modules keep the first command, for senders whose time is not the plant's.
         """
-        self._even = even
-        self._waiting: list[tuple[EvenCommands, list[JointModule]]] = []
         self._plant = plant
         self._sampled_ns = -1
         self._sample: tuple[Vector, Vector, Vector] = plant.joint_sensors.read()
@@ -51,7 +47,7 @@ class ModuleRack:
             for module in group.modules:
                 random = Random(f"{seed} {module.node}")
                 self.modules[module.node] = JointModule(
-                    module, group, plant.drives, self._read, random, reply_s, plant.time_ns
+                    module, group, plant.drives, self._read, random, reply_s, plant.time_ns, delay_steps
                 )
         self.wires = {spec.name: self._wire(spec, buses[spec.name]) for spec in topology.buses}
         self._spoken = [(self.wires[spec.name], spec) for spec in topology.buses]
@@ -89,7 +85,7 @@ class ModuleRack:
         for group in spec.groups:
             codec = CommandCodec(group)
             modules = [self.modules[module.node] for module in group.modules]
-            handlers[codec.frame_id] = self._broadcast_handler(modules)
+            handlers[codec.frame_id] = partial(self._command, modules)
             lengths[codec.frame_id] = codec.length
             for module in modules:
                 identifier = request_id(module.module.node)
@@ -97,23 +93,12 @@ class ModuleRack:
                 lengths[identifier] = PARAMETER_LENGTH
         return Wire(bus, spec.profile, handlers, lengths)
 
-    def _broadcast_handler(self, modules: list[JointModule]) -> Handler:
-        """Return what takes a group's broadcasts: at once, or when it is time."""
-        if not self._even:
-            return partial(self._command, modules)
-        waiting = EvenCommands()
-        self._waiting.append((waiting, modules))
-        return waiting.put
-
     def _receive(self, time_ns: int) -> None:
         self._now_ns = time_ns
         for wire, _ in self._spoken:
             wire.drain()
-        for waiting, modules in self._waiting:
-            period = max(1, round(modules[0].parameters.cycle_us * 1000 / STEP_NS))
-            payload = waiting.due(time_ns // STEP_NS, period)
-            if payload is not None:
-                self._command(modules, payload)
+        for module in self.modules.values():
+            module.act(time_ns)
 
     def _send(self, time_ns: int) -> None:
         now_ns = self._plant.time_ns

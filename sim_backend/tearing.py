@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.compiled import compiled
 from preshape.hal.state import Vector
-from preshape.sim_backend.compiled import compiled
 from preshape.sim_backend.paper_box import lid_frame, perforation_arms
 from preshape.sim_backend.scenario import Scenario
 

@@ -11,9 +11,9 @@ from preshape.sim_backend.command_cadence import DELAY_STEPS, CommandCadence
 PERIOD = 2
 
 
-def taken_at(arrivals: list[int], period: int = PERIOD) -> dict[int, int]:
+def taken_at(arrivals: list[int], period: int = PERIOD, delay: int = DELAY_STEPS) -> dict[int, int]:
     """Return when each command (by its number) is taken; only the newest that has arrived can be."""
-    cadence, taken, newest = CommandCadence(period), dict[int, int](), -1
+    cadence, taken, newest = CommandCadence(period, delay), dict[int, int](), -1
     for step in range(arrivals[-1] + 3 * period):
         arrived = sum(arrival <= step for arrival in arrivals) - 1
         if cadence.takes(step, arrived > newest):
@@ -29,6 +29,17 @@ def test_commands_within_the_delay_of_an_even_distance_are_taken_evenly(late: li
     steps = taken_at(arrivals, period)
     assert list(steps) == list(range(len(arrivals)))
     assert {b - a for a, b in pairwise(steps.values())} == {period}
+
+
+@given(st.lists(st.integers(0, 1), min_size=2, max_size=40), st.integers(2, 5))
+def test_without_delay_they_are_taken_evenly_from_the_latest_on(late: list[int], period: int) -> None:
+    steps = taken_at([10 + period * k + jitter for k, jitter in enumerate(late)], period, delay=0)
+    latest = late.index(max(late))
+    assert {b - a for a, b in pairwise(list(steps.values())[latest:])} <= {period}
+
+
+def test_without_delay_commands_on_time_are_taken_as_they_come() -> None:
+    assert taken_at([4, 6, 8, 12], delay=0) == {0: 4, 1: 6, 2: 8, 3: 12}
 
 
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=60))
@@ -53,3 +64,8 @@ def test_nothing_is_taken_when_nothing_waits() -> None:
 def test_a_period_of_no_steps_is_refused() -> None:
     with pytest.raises(ValueError, match="period_steps: got 0, allowed is >= 1"):
         CommandCadence(0)
+
+
+def test_a_negative_delay_is_refused() -> None:
+    with pytest.raises(ValueError, match="delay_steps: got -1, allowed is >= 0"):
+        CommandCadence(PERIOD, -1)

@@ -55,7 +55,12 @@ class Bench(CanRig):
 
     def command(self, target: np.ndarray, limit: float = 1.0, mode: WireMode = WireMode.POSITION,
                 enable: int | None = None, session: int | None = None) -> None:  # fmt: skip
-        """Command the fore finger's joints (3,); the other joints of the group are commanded to zero."""
+        """Command the fore finger's joints (3,), and let a period pass; the others of the group get zero."""
+        self.send_command(target, limit, mode, enable, session)
+        self.robot.step(2)
+
+    def send_command(self, target: np.ndarray, limit: float = 1.0, mode: WireMode = WireMode.POSITION,
+                     enable: int | None = None, session: int | None = None) -> None:  # fmt: skip
         self.next += 1
         targets, payload = np.zeros(13), CODEC.new_payload()
         targets[4:7] = target
@@ -63,7 +68,6 @@ class Bench(CanRig):
         session = self.session if session is None else session
         CODEC.encode(payload, session, self.next, mode, enable, targets, np.full(13, limit))
         self.say(CODEC.frame_id, payload)
-        self.robot.step(2)
 
     def say(self, frame_id: int, payload: bytes | bytearray) -> None:
         self.line.send(can.Message(arbitration_id=frame_id, is_extended_id=False, is_fd=True, data=payload))
@@ -129,6 +133,37 @@ def test_commands_of_another_session_or_an_old_sequence_are_refused(bench: Bench
     bench.next -= 2
     bench.command(start + 0.5)
     assert bench.module.counts["foreign"] == 1 and bench.module.counts["late"] == 1
+    assert np.abs(bench.position - start).max() < 0.01
+
+
+def test_commands_that_arrive_unevenly_move_the_target_evenly(bench: Bench) -> None:
+    bench.arm_it()
+    start, targets = bench.position, list[float]()
+    bench.robot.after_step.append(lambda _: targets.append(bench.robot.drives.targets[JOINTS[0]]))
+    late = (0, 1, 0, 0, 1, 1, 0, 1, 0, 1, 0, 0)
+    for step in range(2 * len(late)):
+        number, after = divmod(step, 2)
+        if late[number] == after:
+            bench.send_command(start + 0.001 * (number + 1))
+        bench.robot.step(1)
+    # From the second command on, the first late one, every step moves the target by half a command's way.
+    np.testing.assert_allclose(np.diff(targets)[3:-2], 0.0005, atol=5e-5)
+
+
+@pytest.mark.parametrize("cut", ["quick stop", "power"])
+def test_a_command_that_waits_when_the_module_stops_is_never_executed(bench: Bench, cut: str) -> None:
+    bench.arm_it()
+    start = bench.position
+    bench.send_command(start)
+    bench.robot.step(1)
+    bench.send_command(start + 0.5)
+    bench.robot.step(1)  # half a period early: it waits
+    assert bench.module.counts["taken"] == 2
+    if cut == "quick stop":
+        bench.module.receive_quick_stop(bench.robot.time_ns)
+    else:
+        bench.module.power_off()
+    bench.robot.step(200)
     assert np.abs(bench.position - start).max() < 0.01
 
 

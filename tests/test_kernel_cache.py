@@ -13,7 +13,7 @@ from preshape.hal.source_digest import imported, source_digest, source_files
 
 PACKAGE = Path(kernel_cache.__file__).parents[1]
 KERNEL = """
-from preshape.planner.compiled import compiled
+from preshape.hal.compiled import compiled
 from preshape.planner.deep import FACTOR, scaled
 
 @compiled
@@ -21,7 +21,7 @@ def kernel(x: float) -> float:
     return scaled(x) + FACTOR
 """
 DEEP = """
-from preshape.planner.compiled import compiled
+from preshape.hal.compiled import compiled
 from preshape.hal.number import FACTOR
 
 @compiled
@@ -55,7 +55,7 @@ def _package(root: Path) -> Path:
     for folder in ("", "hal", "planner"):
         (package / folder).mkdir(parents=True, exist_ok=True)
         (package / folder / "__init__.py").write_text("")
-    for file in ("hal/kernel_cache.py", "hal/kernel_warm_up.py", "hal/source_digest.py", "planner/compiled.py"):
+    for file in ("hal/kernel_cache.py", "hal/kernel_warm_up.py", "hal/source_digest.py", "hal/compiled.py"):
         shutil.copy(PACKAGE / file, package / file)
     (package / "planner/kernel.py").write_text(KERNEL)
     (package / "planner/deep.py").write_text(DEEP)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from preshape.planner.compiled import compiled
+from preshape.hal.compiled import compiled
 
 Floats = NDArray[np.float64]
 
