@@ -14,15 +14,18 @@ import pytest
 
 from preshape.control.loop_result import LoopOutcome, LoopResult
 from preshape.control.timing import LoopTiming
+from preshape.hal.device import DeviceUnreachable
 from preshape.hal.tick_record import TickRecord
 from preshape.sim_backend.referee_report import TASK_NAMES, TaskTruth, Verdict
 from preshape.tools.configuration import load_scenario
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import RefereeReport, Report, decode_report, encode_report, referee_report
 from preshape.tools.report_html import report_page
+from preshape.tools.run_ended import Ended
 from preshape.tools.run_failure import name_failure
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_result import RunResult
+from preshape.tools.run_world import LockstepRun
 from preshape.tools.series import Series
 from preshape.tools.session import run_session
 from preshape.tools.stop_signals import StopSignals
@@ -165,6 +168,22 @@ def test_an_interrupt_brakes_and_is_reported_as_a_stop() -> None:
     assert result.report.loop.outcome == "stopped"
     assert result.report.cause is not None and "interrupted from the keyboard" in result.report.cause
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_world_that_is_lost_leaves_a_report_that_says_how(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(self: LockstepRun) -> Ended:
+        raise DeviceUnreachable("preshape/box/device: its server has gone")
+
+    monkeypatch.setattr(LockstepRun, "finish", lost)
+    lost_run = run_session(load_scenario("tea_box"), 0, SHORT)
+    report = lost_run.report
+    assert lost_run.exit_code == ExitCode.UNREACHABLE and not report.success and report.referee is None
+    assert report.failure is not None
+    assert report.failure.startswith("task 1 (grasp): world lost: preshape/box/device: its server has gone; in ")
+    assert "timed out: " in report.failure and report.tasks[0].outcome == "interrupted"
+    assert report.sim.seconds == pytest.approx(SHORT.time_limit_s, abs=0.05)
+    assert decode_report(encode_report(report)) == report
+    assert "nothing that happened in it is judged" in report_page(report)
 
 
 class Broken:

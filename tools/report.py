@@ -147,7 +147,8 @@ class Report(Part, frozen=True):
     """All of `report.json`; `success` is the referee's and `failure` names what kept it from being one.
 
     `failed_task` and `cause` split the failure; `observer_failures` tells which observers gave up, and why. `wire` is
-    there where the joints hang on buses: a run that breaks a rule of the wire is no success.
+    there where the joints hang on buses: a run that breaks a rule of the wire is no success. `referee` is None where
+    the world was lost before the referee could speak.
     """
 
     schema: Literal["preshape/report/1"]
@@ -163,7 +164,7 @@ class Report(Part, frozen=True):
     tasks: list[TaskReport]
     plan: PlanReport
     commands_sha256: str
-    referee: RefereeReport
+    referee: RefereeReport | None
     loop: LoopReport
     sim: SimReport
     controller_failure: str | None
@@ -176,7 +177,7 @@ class Report(Part, frozen=True):
         """What a success has brought about, in words."""
         from preshape.sim_backend.judged import judged
 
-        last = self.referee.until_task
+        last = len(self.tasks) if self.referee is None else self.referee.until_task
         if last == len(self.tasks):
             return judged(self.scenario.shape).achieved
         return "task 1 is done" if last == 1 else f"tasks 1 to {last} are done"

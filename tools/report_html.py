@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from preshape.hal.layout import SIDES
 from preshape.hal.tick_record import TickRecord
 from preshape.sim_backend.judged import judged
+from preshape.sim_backend.referee_report import TaskTruth
 from preshape.tools.report import LoopReport, Report
 from preshape.tools.series import Series, distances, loop_times, torque_ratios
 from preshape.tools.svg_plot import Plot, svg
@@ -104,19 +105,26 @@ def _picture(png: bytes | None, what: str) -> str:
 
 
 def _tasks(report: Report) -> str:
-    truth = {task.task: task for task in report.referee.tasks}
+    truth = {} if report.referee is None else {task.task: task for task in report.referee.tasks}
     rows: list[list[Cell]] = []
     for task in report.tasks:
-        end_s = truth[task.task].end_s
-        seen = "not done" if end_s is None else f"done at {end_s:.2f} s"
+        seen = _seen(truth.get(task.task))
         times = f"{task.start_s:.2f} .. {task.end_s:.2f} s" if task.attempts else ""
         outcome = task.outcome if task.outcome in ("done", "not asked") else Bad(task.outcome)
         rows.append([task.task, task.name, outcome, times, task.attempts, seen])
     return _table(["task", "", "controller", "time", "attempts", "referee"], rows)
 
 
+def _seen(truth: TaskTruth | None) -> str:
+    if truth is None:
+        return "lost with the world"
+    return "not done" if truth.end_s is None else f"done at {truth.end_s:.2f} s"
+
+
 def _referee(report: Report) -> str:
     referee = report.referee
+    if referee is None:
+        return _list(["The world was lost, and the referee with it: nothing that happened in it is judged."])
     error = referee.opening_error
     found = "not reported" if error is None else f"{1e3 * error[0]:.1f} mm, {np.rad2deg(error[1]):.1f} deg"
     opening: list[list[Cell]] = [

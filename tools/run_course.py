@@ -23,8 +23,8 @@ from preshape.tools.report import (
     loop_report,
     referee_report,
 )
-from preshape.tools.run_ended import Ended
-from preshape.tools.run_failure import name_failure, wire_failure
+from preshape.tools.run_ended import Ended, Lost
+from preshape.tools.run_failure import lost_failure, name_failure, wire_failure
 from preshape.tools.run_options import RunOptions
 
 
@@ -47,18 +47,20 @@ def run_report(
     drawn: Scenario,
     options: RunOptions,
     course: Course,
-    ended: Ended,
+    ended: Ended | Lost,
     plan: PlanReport,
     watching: Observers,
     wire: WireReport | None = None,
 ) -> Report:
     """Return the report of a run of a drawn scenario; task times count from the loop's start."""
-    controller, verdict, result = course.controller, ended.verdict, course.result
+    controller, result = course.controller, course.result
     work = controller.work
-    failure = name_failure(verdict, result, work.task, controller.failure, course.error)
-    failure = wire_failure(
-        failure, {} if wire is None else wire.broken, work.task, controller.tasks[work.task - 1].name
-    )
+    name = controller.tasks[work.task - 1].name
+    if isinstance(ended, Lost):
+        failure = lost_failure(ended.how, result, work.task, name, work.phase, course.error)
+    else:
+        failure = name_failure(ended.verdict, result, work.task, controller.failure, course.error)
+    failure = wire_failure(failure, {} if wire is None else wire.broken, work.task, name)
     return Report(
         schema=SCHEMA,
         version=__version__,
@@ -73,19 +75,22 @@ def run_report(
         tasks=_tasks(course, ended),
         plan=plan,
         commands_sha256="" if result is None else result.commands_sha256,
-        referee=referee_report(verdict),
+        referee=None if ended.verdict is None else referee_report(ended.verdict),
         loop=_loop_report(course),
-        sim=SimReport(
-            seconds=ended.simulated_s,
-            realtime_factor=ended.simulated_s / course.wall_s if course.wall_s else 0.0,
-            slipped_s=ended.slipped_s,
-            kicks=list(ended.kicks),
-        ),
+        sim=_sim_report(course, ended),
         controller_failure=controller.failure,
         notes=[*work.notes, *([course.where] if course.where else [])],
         observer_failures=[f"{name}: {type(error).__name__}: {error}" for name, error in watching.failures],
         wire=wire,
     )
+
+
+def _sim_report(course: Course, ended: Ended | Lost) -> SimReport:
+    factor = ended.simulated_s / course.wall_s if course.wall_s else 0.0
+    if isinstance(ended, Lost):
+        return SimReport(seconds=ended.simulated_s, realtime_factor=factor)
+    kicks = list(ended.kicks)
+    return SimReport(seconds=ended.simulated_s, realtime_factor=factor, slipped_s=ended.slipped_s, kicks=kicks)
 
 
 def _loop_report(course: Course) -> LoopReport:
@@ -100,12 +105,14 @@ def _loop_report(course: Course) -> LoopReport:
     )
 
 
-def _tasks(course: Course, ended: Ended) -> list[TaskReport]:
-    truth = {task.task: task for task in ended.verdict.tasks}
+def _tasks(course: Course, ended: Ended | Lost) -> list[TaskReport]:
+    truth = None if ended.verdict is None else {task.task: task for task in ended.verdict.tasks}
     reports: list[TaskReport] = []
     for log in course.controller.tasks:
         outcome = log.outcome
-        if outcome == "done" and not truth[log.task].done:
+        if outcome == "done" and truth is None:
+            outcome = "not judged"
+        elif outcome == "done" and truth is not None and not truth[log.task].done:
             outcome = "not confirmed by the referee"
         elif outcome == "running":
             outcome = "interrupted"
@@ -116,7 +123,7 @@ def _tasks(course: Course, ended: Ended) -> list[TaskReport]:
         reports.append(
             TaskReport(
                 task=log.task,
-                name=truth[log.task].name,
+                name=log.name,
                 outcome=outcome,
                 start_s=start_s,
                 end_s=end_s,
@@ -127,7 +134,9 @@ def _tasks(course: Course, ended: Ended) -> list[TaskReport]:
 
 
 def exit_code(report: Report, course: Course) -> ExitCode:
-    """Return the exit code: a stop before the end counts more than what the referee has seen."""
+    """Return the exit code: a world that was lost, then a stop, count more than what the referee has seen."""
+    if report.referee is None:
+        return ExitCode.UNREACHABLE
     stopped = course.result is not None and course.result.outcome in (LoopOutcome.SAFETY_STOP, LoopOutcome.STOPPED)
     if stopped:
         return ExitCode.SAFETY_STOP

@@ -19,3 +19,12 @@ class Ended:
     simulated_s: float
     slipped_s: float = 0.0
     kicks: tuple[tuple[int, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """What is left of a run whose world was lost, and the referee with it: how, and how long the run has lasted."""
+
+    how: str
+    simulated_s: float
+    verdict: None = None

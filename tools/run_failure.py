@@ -56,6 +56,12 @@ def name_failure(
     return Failure(first[0], _name(verdict, first[0]), first[1], tuple(others))
 
 
+def lost_failure(lost: str, ended: LoopResult | None, task: int, name: str, phase: str, error: str | None) -> Failure:
+    """Return why a run failed whose world, and the referee in it, was lost: how, and how the loop ended upon it."""
+    how = error if ended is None else f"{LOOP_CAUSES.get(ended.outcome, ended.outcome.value)}: {ended.reason}"
+    return Failure(task, name, f"world lost: {lost}; in {phase}, {how}")
+
+
 def _name(verdict: Verdict, task: int) -> str:
     return next(known.name for known in verdict.tasks if known.task == task)
 

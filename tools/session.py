@@ -37,7 +37,7 @@ from preshape.tools.recorder import Recorder
 from preshape.tools.rehearsal import prepare_kernels
 from preshape.tools.report import PlanReport
 from preshape.tools.run_course import Course, exit_code, run_report
-from preshape.tools.run_ended import Ended
+from preshape.tools.run_ended import Ended, Lost
 from preshape.tools.run_options import RunOptions
 from preshape.tools.run_plan import plan_drawing, plan_report, plan_run
 from preshape.tools.run_result import RunResult
@@ -89,7 +89,7 @@ def run_session(
     then.
 
     Raises:
-        DeviceUnreachable: the world, or the telemetry, could not be opened, or the world was lost.
+        DeviceUnreachable: the world, or the telemetry, could not be opened. One that is lost later is a failure.
     """
     options = options or RunOptions()
     drawn = scenario.drawn(seed)
@@ -130,8 +130,7 @@ def run_session(
         parts = [part.note for part in (live, recorder) if part is not None]
         course.controller.work.notes += [note for note in parts if note]
     remember_signatures()
-    until_task = min(options.until_task, len(finished.verdict.tasks))
-    ended = replace(finished, verdict=replace(finished.verdict, until_task=until_task))
+    ended = _asked_for(finished, options.until_task)
     plan, drawing = _plan(drawn, course.controller.work, options.pictures and cause is None)
     heard = None if wire is None else wire.report()
     report = run_report(drawn, options, course, ended, plan, watching, heard)
@@ -140,13 +139,21 @@ def run_session(
     return RunResult(drawn, report, exit_code(report, course), kept)
 
 
-def _finish(world: RunWorld, course: Course) -> Ended:
+def _finish(world: RunWorld, course: Course) -> Ended | Lost:
+    """Return what the world knows of the run."""
     try:
         return world.finish()
     except DeviceUnreachable as error:
-        work, result = course.controller.work, course.result
-        how = course.error if result is None else f"{result.outcome.value}, {result.reason}"
-        raise DeviceUnreachable(f"{error}; the run ended in task {work.task} ({work.phase}): {how}") from error
+        lasted_s = world.clock.now_ns() * 1e-9 - course.start_s
+        return Lost(str(error), max(0.0, lasted_s))
+
+
+def _asked_for(ended: Ended | Lost, until_task: int) -> Ended | Lost:
+    """Return the end of a run that is judged on the tasks up to one only."""
+    if isinstance(ended, Lost):
+        return ended
+    until_task = min(until_task, len(ended.verdict.tasks))
+    return replace(ended, verdict=replace(ended.verdict, until_task=until_task))
 
 
 def _wire_watch(options: RunOptions, seed: int) -> WireWatch | None:

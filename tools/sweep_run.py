@@ -130,7 +130,7 @@ def run_case(case: RunCase) -> RunOutcome:
         overruns=report.loop.overruns,
         commands_sha256=report.commands_sha256,
         wire=None if report.wire is None else _wire_figures(report.wire),
-        figures=Figures(**{name: getattr(report.referee, name) for name in Figures.__struct_fields__}),
+        figures=None if report.referee is None else msgspec.convert(report.referee, Figures, from_attributes=True),
     )
 
 
