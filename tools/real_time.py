@@ -13,6 +13,9 @@ from preshape.hal.clock import Clock
 LOOP_PRIORITY = 15
 """First-in-first-out priority of the loop's thread; the physics process has a higher one."""
 THINKING_PRIORITY = 10
+PLANNING_NICENESS = -15
+"""Of a thread that plans: it holds the interpreter's lock at times, and a loop that wants it waits for as long as
+another process keeps it from running."""
 SWITCH_S = 1e-4
 """How long one Python thread may keep the others from running, s."""
 
@@ -29,9 +32,10 @@ def take_priority(priority: int, thread: int = 0) -> None:
 
 
 def give_up_priority(thread: int) -> None:
-    """Let a thread share the machine like any other."""
+    """Let a thread share the machine with others, though with more of it than those, if the machine lets us."""
     with suppress(PermissionError, ProcessLookupError):
         os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, thread, PLANNING_NICENESS)
 
 
 @contextmanager
