@@ -13,11 +13,14 @@ from preshape.hal.transform import Matrix
 
 LEAD_FILTER_S = 0.008
 """Time constant of the arms' commanded velocity, s."""
+COAST_PERIODS = 1.0
+"""How long an arm's target goes on as it went when the next command is missing, command periods."""
 
 Indices = NDArray[np.int64]
 Joints = slice | Indices
 """Some of the joints, by their places in the layout."""
 EVERY = slice(None)
+_LAST_SHARE = 1.0 + COAST_PERIODS
 _PLACES: Indices = np.arange(LAYOUT.dof)
 
 
@@ -25,10 +28,11 @@ class JointDrives:
     """Drives of all 40 joints of one model; `apply` runs before every physics step. Each joint keeps its own time.
 
     Position mode: tau = clip(k (p(t) - q) + d (v - q'), +- torque limit), with p(t) running linearly from the
-    last target to the commanded one within one command period, then resting there. v is the commanded velocity,
-    low-passed, for the arms, and 0 for the fingers: their targets carry the grip's torque loop, whose noise a
-    velocity lead would amplify tenfold. To this the modules add gravity compensation of the robot itself; the
-    sum is clipped at the joint's own limit (`LAYOUT.torque`).
+    last target to the commanded one within one command period. v is the commanded velocity, low-passed, for the arms,
+    and 0 for the fingers: their targets carry the grip's torque loop, whose noise a velocity lead would amplify
+    tenfold. A finger then rests at its target; an arm coasts for one more period before it rests, so that a command
+    that is lost or late does not make it stop and catch up. To this the modules add gravity compensation of the robot
+    itself; the sum is clipped at the joint's own limit (`LAYOUT.torque`).
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -53,7 +57,9 @@ class JointDrives:
         """Write this step's targets."""
         if not self._moving:
             return
-        self._moving = _step(self._start, self._travel, self._offset, self._target, self._row, self._count, self._ctrl)
+        self._moving = _step(
+            self._lead, self._start, self._travel, self._offset, self._target, self._row, self._count, self._ctrl
+        )
 
     def follow(self, position: Vector, torque_limit: Vector, period_s: float, joints: Joints = EVERY) -> None:
         """Move the targets of some joints to positions (n,) within a period, with at most the given torques (n,)."""
@@ -96,8 +102,8 @@ class JointDrives:
     @property
     def targets(self) -> Vector:
         """The interpolated targets (40,) of this moment, without the lead; rad where a joint is in position mode."""
-        share = np.minimum(self._row / np.maximum(self._count, 1.0), 1.0)
-        return np.where(self._row < self._count, self._start + share * self._travel, self._target)
+        share = self._row / np.maximum(self._count, 1.0)
+        return np.where(self._row != self._count, self._start + share * self._travel, self._target)
 
     def _rest_at(self, values: ArrayLike, joints: Joints) -> None:
         self._target[joints] = values
@@ -119,17 +125,25 @@ class JointDrives:
 
 @compiled
 def _step(
-    start: Vector, travel: Vector, offset: Vector, target: Vector, row: Vector, count: Vector, ctrl: Vector
-) -> bool:
+    lead: Vector, start: Vector, travel: Vector, offset: Vector, target: Vector, row: Vector, count: Vector,
+    ctrl: Vector,
+) -> bool:  # fmt: skip
     """Write each joint's target of its next step into `ctrl` (40,); tell whether any was on its way."""
     moving = False
     for j in range(len(ctrl)):
-        on_the_way = row[j] < count[j]
-        row[j] += 1.0
-        share = row[j] / max(count[j], 1.0)
-        ctrl[j] = start[j] + share * travel[j] + offset[j] if on_the_way else target[j]
-        moving = moving or on_the_way
+        if row[j] < count[j] * (_LAST_SHARE if lead[j] > 0.0 else 1.0):
+            row[j] += 1.0
+            ctrl[j] = start[j] + row[j] / max(count[j], 1.0) * travel[j] + offset[j]
+            moving = True
+        else:
+            ctrl[j] = _reached(start[j], travel[j], target[j], row[j], count[j])
     return moving
+
+
+@compiled
+def _reached(start: float, travel: float, target: float, row: float, count: float) -> float:
+    """Return where a target is: on its way to the commanded one, there (or at rest), or beyond it."""
+    return target if row == count else start + travel * (row / count)
 
 
 @compiled
@@ -143,9 +157,7 @@ def _set_out(
     """
     for k in range(len(joints)):
         j = joints[k]
-        reached = target[j]
-        if row[j] < count[j]:
-            reached = start[j] + (target[j] - start[j]) * (row[j] / max(count[j], 1.0))
+        reached = _reached(start[j], travel[j], target[j], row[j], count[j])
         travel[j] = position[k] - reached
         velocity[j] += share * (travel[j] / duration_s - velocity[j])
         offset[j] = lead[j] * velocity[j]
