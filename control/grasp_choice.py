@@ -77,7 +77,11 @@ def reachable_grips(
     choices: list[GraspChoice] = []
     causes: list[str] = []
     for finger_face in beside:
-        grip = cage_grip(work.box.size, end, finger_face, "right")
+        try:
+            grip = cage_grip(work.box.size, end, finger_face, "right")
+        except ValueError as error:
+            causes.append(f"fingers on {finger_face}: {error}")
+            continue
         if not lies_in(grip, left):
             causes.append(f"fingers on {finger_face}: none of the components left to the right hand")
             continue

@@ -136,14 +136,14 @@ def _step(
             ctrl[j] = start[j] + row[j] / max(count[j], 1.0) * travel[j] + offset[j]
             moving = True
         else:
-            ctrl[j] = _reached(start[j], travel[j], target[j], row[j], count[j])
+            ctrl[j] = _reached(j, start, travel, target, row, count)
     return moving
 
 
 @compiled
-def _reached(start: float, travel: float, target: float, row: float, count: float) -> float:
-    """Return where a target is: on its way to the commanded one, there (or at rest), or beyond it."""
-    return target if row == count else start + travel * (row / count)
+def _reached(j: int, start: Vector, travel: Vector, target: Vector, row: Vector, count: Vector) -> float:
+    """Return where joint j's target is: on its way to the commanded one, there (or at rest), or beyond it."""
+    return target[j] if row[j] == count[j] else start[j] + travel[j] * (row[j] / count[j])
 
 
 @compiled
@@ -157,7 +157,7 @@ def _set_out(
     """
     for k in range(len(joints)):
         j = joints[k]
-        reached = _reached(start[j], travel[j], target[j], row[j], count[j])
+        reached = _reached(j, start, travel, target, row, count)
         travel[j] = position[k] - reached
         velocity[j] += share * (travel[j] / duration_s - velocity[j])
         offset[j] = lead[j] * velocity[j]

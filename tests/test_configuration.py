@@ -158,6 +158,11 @@ def test_every_field_of_a_shipped_scenario_survives_a_round_trip(tmp_path: Path)
     ("overrides", "task", "cause"),
     [
         (("box.size_m=[0.25, 0.25, 0.4]",), 1, "no span"),
+        (
+            ('opening.candidate_faces=["+y", "-y"]', 'draw.faces=["+y"]', "opening.face=+y", "opening.edge=+x"),
+            1,
+            "no span: fingers on +x: width between thumb and middle finger: got 0.06 m, allowed is 0.07 .. 0.1 m",
+        ),
         (("box.position_m=[0.9, 0.5]", "draw.position_m=0.0"), 1, "unreachable: the right hand"),
         (("arms.right_base_m=[-2.0, -1.0, 0.0]",), 1, "unreachable: the right hand"),
         (("arms.left_base_m=[-2.0, 1.0, 0.0]",), 3, "unreachable: the left hand"),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from preshape.control.grips import CAP_Z
+from preshape.control.grips import CAP_Z, Grip, brace_grip, cage_grip
 from preshape.hal import sah_hand
 from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix, transform
-from preshape.hal.world import FACES, NominalBox, Workcell, face_normal
+from preshape.hal.world import FACES, Face, NominalBox, Workcell, face_normal
 from preshape.planner.air_pose import AirPlace
 from preshape.planner.arm_reach import ReachStatus, reach
 from preshape.planner.span import widest_gap
@@ -25,13 +25,35 @@ def impossibility(cell: Workcell, box: NominalBox, X_world_box: Matrix) -> tuple
     """Return the task that nobody could do with a box at a pose, and why; None if nothing is known against it.
 
     Only what is necessary is checked: two opposite faces that a hand spans, a face that the right palm reaches,
-    and, for a box that may open, that both arms reach its two ends where it is handed over.
+    and, for a box that may open, a grip of each hand that suits its widths, and that both arms reach its two ends
+    where it is handed over.
     """
     if cause := _span_cause(box) or _reach_cause(cell, box, X_world_box):
         return 1, cause
-    if box.candidate_faces and (cause := _handover_cause(cell, box)):
+    if not box.candidate_faces:
+        return None
+    end = box.end_caps[0]
+    beside: list[Face] = [face for face in FACES if face[1] != end[1] and face not in box.candidate_faces]
+    if cause := _grip_cause("fingers", beside, lambda face: cage_grip(box.size, end, face, "right")):
+        return 1, cause
+    if cause := _grip_cause("opening", box.candidate_faces, lambda face: brace_grip(box.size, end, face, "left")):
+        return 3, cause
+    if cause := _handover_cause(cell, box):
         return 3, cause
     return None
+
+
+def _grip_cause(what: str, faces: Sequence[Face], grip: Callable[[Face], Grip]) -> str:
+    """Return why no grip suits the box whichever face it goes by, empty if one does."""
+    causes: list[str] = []
+    for face in faces:
+        try:
+            grip(face)
+        except ValueError as error:
+            causes.append(f"{what} on {face}: {error}")
+        else:
+            return ""
+    return f"no span: {'; '.join(causes) or f'no face is left for the {what}'}"
 
 
 def _span_cause(box: NominalBox) -> str:
