@@ -102,6 +102,8 @@ def kill_in(task: int, device: str, victim: str, seed: int, pace: float, later_s
         if not controller.wait_for(f" task {task} ", TASK_S):
             return [f"task {task} did not begin: {controller.text}"]
         time.sleep(later_s / pace)
+        if controller.process.poll() is not None:
+            return [f"the run ended by itself, before anything was killed: {controller.text}"]
         where = controller.text.strip().rpartition("\n")[2].strip()
         killed, other = (controller, world) if victim == "controller" else (world, controller)
         killed.process.send_signal(signal.SIGKILL)

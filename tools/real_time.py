@@ -13,9 +13,9 @@ from preshape.hal.clock import Clock
 LOOP_PRIORITY = 15
 """First-in-first-out priority of the loop's thread; the physics process has a higher one."""
 THINKING_PRIORITY = 10
-PLANNING_NICENESS = -15
+PLANNING_NICENESS = -5
 """Of a thread that plans: it holds the interpreter's lock at times, and a loop that wants it waits for as long as
-another process keeps it from running."""
+another process keeps it from running. More of it takes the machine from what carries the loop's messages."""
 SWITCH_S = 1e-4
 """How long one Python thread may keep the others from running, s."""
 
