@@ -181,6 +181,7 @@ def test_a_world_that_is_lost_leaves_a_report_that_says_how(monkeypatch: pytest.
     assert report.failure is not None
     assert report.failure.startswith("task 1 (grasp): world lost: preshape/box/device: its server has gone; in ")
     assert "timed out: " in report.failure and report.tasks[0].outcome == "interrupted"
+    assert [task.name for task in report.tasks] == list(TASK_NAMES.values())
     assert report.sim.seconds == pytest.approx(SHORT.time_limit_s, abs=0.05)
     assert decode_report(encode_report(report)) == report
     assert "nothing that happened in it is judged" in report_page(report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from preshape import __version__
@@ -10,6 +11,7 @@ from preshape.control.loop_result import LoopOutcome, LoopResult
 from preshape.control.observer import Observers
 from preshape.control.procedure_control import ProcedureControl
 from preshape.control.timing import Percentiles
+from preshape.sim_backend.judged import judged
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.report import (
@@ -55,7 +57,8 @@ def run_report(
     """Return the report of a run of a drawn scenario; task times count from the loop's start."""
     controller, result = course.controller, course.result
     work = controller.work
-    name = controller.tasks[work.task - 1].name
+    names = judged(drawn.shape).names
+    name = names[work.task]
     if isinstance(ended, Lost):
         failure = lost_failure(ended.how, result, work.task, name, work.phase, course.error)
     else:
@@ -72,7 +75,7 @@ def run_report(
         failure=None if failure is None else str(failure),
         failed_task=None if failure is None else failure.task,
         cause=None if failure is None else failure.cause,
-        tasks=_tasks(course, ended),
+        tasks=_tasks(course, ended, names),
         plan=plan,
         commands_sha256="" if result is None else result.commands_sha256,
         referee=None if ended.verdict is None else referee_report(ended.verdict),
@@ -105,7 +108,7 @@ def _loop_report(course: Course) -> LoopReport:
     )
 
 
-def _tasks(course: Course, ended: Ended | Lost) -> list[TaskReport]:
+def _tasks(course: Course, ended: Ended | Lost, names: Mapping[int, str]) -> list[TaskReport]:
     truth = None if ended.verdict is None else {task.task: task for task in ended.verdict.tasks}
     reports: list[TaskReport] = []
     for log in course.controller.tasks:
@@ -123,7 +126,7 @@ def _tasks(course: Course, ended: Ended | Lost) -> list[TaskReport]:
         reports.append(
             TaskReport(
                 task=log.task,
-                name=log.name,
+                name=names[log.task],
                 outcome=outcome,
                 start_s=start_s,
                 end_s=end_s,
