@@ -38,6 +38,7 @@ from preshape.hal.world import (
     Perception,
     TextureLibrary,
     Workcell,
+    end_caps,
     face_normal,
 )
 from preshape.planner.air_pose import AirPlace, upper_face
@@ -140,7 +141,7 @@ class BoxOpening(ProcedureControl):
         X_palm_box[:3, :3] = grip.X_box_palm[:3, :3].T
         # The cap that looks against the palm's z axis is the one in the palm.
         down = np.diag([1.0, -1.0, -1.0, 1.0])
-        return upper_face(down @ X_palm_box, self.work.box.end_caps)
+        return upper_face(down @ X_palm_box, end_caps(self.work.box.long_axis))
 
     def _toward(self, opening: Opening) -> float:
         """Return the sign of the opening frame's y axis on whose side the holding hand lies."""

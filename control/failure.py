@@ -7,7 +7,7 @@ class TaskFailed(Exception):
     """A task has ended without success; `cause` is one of the named ways out.
 
     The first word of `cause` is its class: timed out, slipped, dropped, missed, stalled, moved,
-    unreachable, unseen.
+    unreachable, unseen, no span.
     """
 
     def __init__(self, cause: str) -> None:

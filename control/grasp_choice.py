@@ -12,7 +12,7 @@ from preshape.control.procedure_areas import components_left, lies_in
 from preshape.control.work import Work
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, raised, transform
-from preshape.hal.world import FACES, Face, face_normal
+from preshape.hal.world import FACES, Face, end_caps, face_normal
 from preshape.planner.air_pose import ELSEWHERE, AirPlace, air_pose, upper_face
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_collision import ArmCollision
@@ -71,12 +71,11 @@ def reachable_grips(
     work: Work, place: AirPlace, X_world_box: Matrix, near: Vector
 ) -> tuple[list[GraspChoice], list[str]]:
     """Return the grips that reach a box standing at a pose, with the arm near a posture (7), and why others do not."""
-    end = upper_face(X_world_box, work.box.end_caps)
-    beside: list[Face] = [face for face in FACES if face[1] != end[1] and face not in work.box.candidate_faces]
+    end = upper_face(X_world_box, end_caps(work.box.long_axis))
     left = components_left(work.box, None, {}, "right", 1)
     choices: list[GraspChoice] = []
     causes: list[str] = []
-    for finger_face in beside:
+    for finger_face in work.box.closed_sides:
         try:
             grip = cage_grip(work.box.size, end, finger_face, "right")
         except ValueError as error:

@@ -132,7 +132,10 @@ def regrasp(work: Work, guide: FieldGuide, held_end: Face) -> Motion:
     body = work.body
     same_face = shown_face(work.grips["right"]) != work.opening.face
     back = SPARE_M if same_face else 0.0
-    grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left", back)
+    try:
+        grip = brace_grip(work.box.size, opposite(held_end), work.opening.face, "left", back)
+    except ValueError as error:
+        raise TaskFailed(f"no span: opening on {work.opening.face}: {error}") from error
     left = components_left(work.box, work.opening, {"right": work.grips["right"]}, "left", 3)
     if not lies_in(grip, left):
         raise TaskFailed("unreachable: a brace of the free end is none of the components left to the left hand")

@@ -15,7 +15,7 @@ from preshape.control.straddle_grip import straddle_grip
 from preshape.control.work import Work
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, raised, transform
-from preshape.hal.world import FACES, Face, NominalBox, face_normal
+from preshape.hal.world import FACES, Face, NominalBox, end_caps, face_normal, long_faces
 from preshape.planner.air_pose import upper_face
 from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_reach import score
@@ -98,11 +98,16 @@ def away(X_world_palm: Matrix, X_world_box: Matrix, up: Face, distance: float) -
     return transform(distance * (X_world_box[:3, :3] @ face_normal(up))) @ X_world_palm
 
 
+def top_first(box: NominalBox) -> tuple[Face, Face]:
+    """Return the end caps, the top one first: the longest edge points from a box's bottom to its top."""
+    bottom, top = end_caps(box.long_axis)
+    return top, bottom
+
+
 def grips(box: NominalBox, up: Face) -> Iterator[tuple[Grip, Face]]:
     """Yield the grips of a lying box with the end cap that comes up."""
-    ends = box.end_caps
-    sides: list[Face] = [face for face in FACES if face[1] not in (up[1], ends[0][1])]
-    for finger_face, end in product(sides, ends):
+    sides: list[Face] = [face for face in long_faces(box.long_axis) if face[1] != up[1]]
+    for finger_face, end in product(sides, top_first(box)):
         yield straddle_grip(box.size, up, finger_face, end), end
 
 
@@ -153,7 +158,7 @@ def choose_stand(work: Work, X_world_box: Matrix, up: Face) -> Generator[None, N
     other hand. One candidate is looked at in a tick.
     """
     ways = takings(work, X_world_box, up)
-    for top in work.box.end_caps:
+    for top in top_first(work.box):
         best: tuple[Taking, Standing] | None = None
         for place in PLACES:
             for taking, yaw in product([way for way in ways if way.end == top], YAWS):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Literal, Protocol
 
 import numpy as np
@@ -26,6 +27,20 @@ def face_normal(face: Face) -> Matrix:
 def opposite(face: Face) -> Face:
     """Return the parallel face on the other side."""
     return FACES[FACES.index(face) ^ 1]
+
+
+@cache
+def long_faces(long_axis: int) -> tuple[Face, Face, Face, Face]:
+    """Return the four faces along the longest edge; 0 and 1 are opposite, 2 and 3 too."""
+    faces: list[Face] = [face for face in FACES if face[1] != "xyz"[long_axis]]
+    a, b, c, d = faces
+    return a, b, c, d
+
+
+@cache
+def end_caps(long_axis: int) -> tuple[Face, Face]:
+    """Return the faces at the negative and at the positive end of the longest edge."""
+    return FACES[2 * long_axis + 1], FACES[2 * long_axis]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,9 +68,9 @@ class NominalBox:
         return int(np.argmax(self.size))
 
     @property
-    def end_caps(self) -> tuple[Face, ...]:
-        """The faces at the ends of the longest edge, the top one first: it points from the bottom to the top."""
-        return tuple(face for face in FACES if "xyz".index(face[1]) == self.long_axis)
+    def closed_sides(self) -> tuple[Face, ...]:
+        """The faces along the longest edge that cannot carry the opening."""
+        return tuple(face for face in long_faces(self.long_axis) if face not in self.candidate_faces)
 
 
 @dataclass(frozen=True, slots=True)

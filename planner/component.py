@@ -8,9 +8,9 @@ from functools import cache
 
 from numpy.typing import ArrayLike
 
-from preshape.hal.world import Face, opposite
+from preshape.hal.world import Face, end_caps, long_faces, opposite
 from preshape.planner.preshaping_box import FINGER_REACH, MARGIN, PreshapingBox, box_from_component
-from preshape.planner.region import SECTIONS, Patch, Region, bits_of, end_caps, long_faces
+from preshape.planner.region import SECTIONS, Patch, Region, bits_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 from preshape.hal import sah_hand
+from preshape.hal.world import end_caps
 from preshape.planner.component import all_components, component_masks
-from preshape.planner.region import SECTIONS, bits_of, end_caps
+from preshape.planner.region import SECTIONS, bits_of
 from preshape.planner.sections import Sections
 
 PALM_WIDTH = 2.0 * sah_hand.PARTS["palm"][0].size[1]

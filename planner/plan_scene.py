@@ -10,12 +10,11 @@ import numpy as np
 
 from preshape.hal.layout import SIDES, Side
 from preshape.hal.transform import Matrix, inverse, transform
-from preshape.hal.world import Face, Opening, OrientedBox, Workcell, opposite
+from preshape.hal.world import Face, Opening, OrientedBox, Workcell, end_caps, long_faces, opposite
 from preshape.planner.air_pose import AirPlace, air_pose
 from preshape.planner.component import Component
 from preshape.planner.postures import PRESHAPE
 from preshape.planner.procedure import Hand, Place
-from preshape.planner.region import end_caps, long_faces
 from preshape.planner.work_object import WorkObject, WorkPart
 
 LIFT_M = 0.13

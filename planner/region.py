@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from preshape.hal.world import FACES, Face
+from preshape.hal.world import Face, end_caps, long_faces
 
 Patch = tuple[int, Face]
 """One section of the surface: its number along the longest edge (0 at the negative end), and the face."""
@@ -17,20 +17,6 @@ PATCHES = 14
 
 WHOLE = (1 << PATCHES) - 1
 """G_o of section III-B: the whole surface, as bits."""
-
-
-@cache
-def long_faces(long_axis: int) -> tuple[Face, Face, Face, Face]:
-    """Return the four faces along the longest edge; 0 and 1 are opposite, 2 and 3 too."""
-    faces: list[Face] = [face for face in FACES if face[1] != "xyz"[long_axis]]
-    a, b, c, d = faces
-    return a, b, c, d
-
-
-@cache
-def end_caps(long_axis: int) -> tuple[Face, Face]:
-    """Return the faces at the negative and at the positive end of the longest edge."""
-    return FACES[2 * long_axis + 1], FACES[2 * long_axis]
 
 
 @cache

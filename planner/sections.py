@@ -9,8 +9,8 @@ import numpy as np
 
 from preshape.hal import sah_hand
 from preshape.hal.transform import Matrix
-from preshape.hal.world import Face, NominalBox, Opening, face_normal
-from preshape.planner.region import SECTIONS, Patch, Region, bits_of, long_faces
+from preshape.hal.world import Face, NominalBox, Opening, face_normal, long_faces
+from preshape.planner.region import SECTIONS, Patch, Region, bits_of
 
 FINGER_WIDTH = 2.0 * sah_hand.PARTS["thumb_mid"][0].size[0]
 """Width of a thumb, m: so much wider than the opening is the middle section."""

@@ -161,7 +161,7 @@ class JointModule:
     def act(self, now_ns: int) -> None:
         """Execute the newest command if one waits and it is time; call it once a step."""
         waiting = self._waiting
-        if self._cadence.takes(now_ns // STEP_NS, waiting is not None) and waiting is not None:
+        if waiting is not None and self._cadence.takes(now_ns // STEP_NS, waiting=True):
             self._execute(waiting)
             self._mode, self._waiting = waiting.mode, None
 
@@ -284,7 +284,7 @@ class JointModule:
         silence_ns = None if self._commanded_ns is None else now_ns - self._commanded_ns
         self.state, self.error = state, error
         self._mode = self._commanded_ns = self._waiting = None
-        self._cadence = CommandCadence(max(1, self.parameters.cycle_us * 1000 // STEP_NS), self._delay_steps)
+        self._cadence = CommandCadence(max(1, round(self.parameters.cycle_us * 1000 / STEP_NS)), self._delay_steps)
         self._hold()
         self.events.append(ModuleEvent(now_ns, self.module.node, state, cause, silence_ns))
 

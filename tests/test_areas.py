@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from preshape.hal.world import Face, NominalBox, Opening
+from preshape.hal.world import Face, NominalBox, Opening, end_caps, long_faces
 from preshape.planner.areas import plan_areas
 from preshape.planner.component import Component, components_in
 from preshape.planner.procedure import PAPER_PROCEDURE, Block, Procedure, Task
-from preshape.planner.region import Region, end_caps, long_faces
+from preshape.planner.region import Region
 from preshape.planner.regrasp_search import fewest_regrasps
 from preshape.planner.sections import FINGER_WIDTH, split
 from preshape.tools.area_check import READINGS, check_case

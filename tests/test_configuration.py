@@ -6,8 +6,10 @@ import tomllib
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
+from preshape.hal.world import Face, NominalBox
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import initial_box_pose, nominal_box, workcell
 from preshape.tools.configuration import load_scenario, shipped_scenarios
@@ -152,6 +154,17 @@ def test_every_field_of_a_shipped_scenario_survives_a_round_trip(tmp_path: Path)
     tables = tomllib.loads(shipped_scenarios()["tea_box"].read_text())
     assert msgspec.convert(msgspec.to_builtins(scenario), Scenario) == scenario
     assert scenario.box.size_m == tuple(tables["box"]["size_m"])
+
+
+@pytest.mark.parametrize(
+    ("candidates", "closed"),
+    [(("+x", "-x"), {"+y", "-y"}), (("+y",), {"+x", "-x", "-y"}), ((), {"+x", "-x", "+y", "-y"})],
+)
+def test_a_side_that_may_open_is_not_closed_and_an_end_cap_is_no_side(
+    candidates: tuple[Face, ...], closed: set[Face]
+) -> None:
+    box = NominalBox(np.array([0.06, 0.09, 0.20]), candidates)
+    assert set(box.closed_sides) == closed
 
 
 @pytest.mark.parametrize(

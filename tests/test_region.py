@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from preshape.hal.world import FACES
-from preshape.planner.region import PATCHES, WHOLE, Patch, Region, end_caps, long_faces, patches_of
+from preshape.hal.world import FACES, end_caps, long_faces
+from preshape.planner.region import PATCHES, WHOLE, Patch, Region, patches_of
 
 AXES = st.integers(0, 2)
 MASKS = st.integers(0, WHOLE)

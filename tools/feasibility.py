@@ -10,7 +10,7 @@ from preshape.control.grips import CAP_Z, Grip, brace_grip, cage_grip
 from preshape.hal import sah_hand
 from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix, transform
-from preshape.hal.world import FACES, Face, NominalBox, Workcell, face_normal
+from preshape.hal.world import FACES, Face, NominalBox, Workcell, end_caps, face_normal
 from preshape.planner.air_pose import AirPlace
 from preshape.planner.arm_reach import ReachStatus, reach
 from preshape.planner.span import widest_gap
@@ -32,9 +32,8 @@ def impossibility(cell: Workcell, box: NominalBox, X_world_box: Matrix) -> tuple
         return 1, cause
     if not box.candidate_faces:
         return None
-    end = box.end_caps[0]
-    beside: list[Face] = [face for face in FACES if face[1] != end[1] and face not in box.candidate_faces]
-    if cause := _grip_cause("fingers", beside, lambda face: cage_grip(box.size, end, face, "right")):
+    _, end = end_caps(box.long_axis)
+    if cause := _grip_cause("fingers", box.closed_sides, lambda face: cage_grip(box.size, end, face, "right")):
         return 1, cause
     if cause := _grip_cause("opening", box.candidate_faces, lambda face: brace_grip(box.size, end, face, "left")):
         return 3, cause

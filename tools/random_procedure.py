@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from preshape.hal.world import Face, NominalBox, Opening
+from preshape.hal.world import Face, NominalBox, Opening, long_faces
 from preshape.planner.area_problem import Usable
 from preshape.planner.component import Component, all_components
 from preshape.planner.procedure import HANDS, Block, Hand, Main, Procedure, Resource, Task, Want
-from preshape.planner.region import long_faces
 from preshape.planner.sections import FINGER_WIDTH
 
 

@@ -25,14 +25,20 @@ def take_priority(priority: int, thread: int = 0) -> None:
 
     Not on a machine of one core, where it would keep the physics and the modules from running.
     """
-    if len(os.sched_getaffinity(0)) == 1:
+    if _one_core():
         return
     with suppress(PermissionError, ProcessLookupError):
         os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
 
 
+def _one_core() -> bool:
+    return len(os.sched_getaffinity(0)) == 1
+
+
 def give_up_priority(thread: int) -> None:
     """Let a thread share the machine with others, though with more of it than those, if the machine lets us."""
+    if _one_core():
+        return
     with suppress(PermissionError, ProcessLookupError):
         os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
         os.setpriority(os.PRIO_PROCESS, thread, PLANNING_NICENESS)

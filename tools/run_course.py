@@ -56,6 +56,7 @@ def run_report(
 ) -> Report:
     """Return the report of a run of a drawn scenario; task times count from the loop's start."""
     controller, result = course.controller, course.result
+    verdict = None if isinstance(ended, Lost) else ended.verdict
     work = controller.work
     names = judged(drawn.shape).names
     name = names[work.task]
@@ -78,7 +79,7 @@ def run_report(
         tasks=_tasks(course, ended, names),
         plan=plan,
         commands_sha256="" if result is None else result.commands_sha256,
-        referee=None if ended.verdict is None else referee_report(ended.verdict),
+        referee=None if verdict is None else referee_report(verdict),
         loop=_loop_report(course),
         sim=_sim_report(course, ended),
         controller_failure=controller.failure,
@@ -109,13 +110,13 @@ def _loop_report(course: Course) -> LoopReport:
 
 
 def _tasks(course: Course, ended: Ended | Lost, names: Mapping[int, str]) -> list[TaskReport]:
-    truth = None if ended.verdict is None else {task.task: task for task in ended.verdict.tasks}
+    seen = None if isinstance(ended, Lost) else {task.task for task in ended.verdict.tasks if task.done}
     reports: list[TaskReport] = []
     for log in course.controller.tasks:
         outcome = log.outcome
-        if outcome == "done" and truth is None:
+        if outcome == "done" and seen is None:
             outcome = "not judged"
-        elif outcome == "done" and truth is not None and not truth[log.task].done:
+        elif outcome == "done" and seen is not None and log.task not in seen:
             outcome = "not confirmed by the referee"
         elif outcome == "running":
             outcome = "interrupted"

@@ -27,4 +27,3 @@ class Lost:
 
     how: str
     simulated_s: float
-    verdict: None = None
