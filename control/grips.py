@@ -19,6 +19,12 @@ from preshape.planner.hand_kinematics import hand_kinematics
 
 FACE_X = 0.014
 """Distance along palm x of the finger-side face from the palm's origin, m: fingers lie along it, straight."""
+BRACE_X = 0.012
+"""The same in a brace grip, m: the fingers' inner links lie on the face as well as their tips.
+
+Where only the tips do, the box turns about the thumb until the inner links meet it, as soon as it is held by this
+hand alone.
+"""
 INSERT_X = 0.021
 """The same while the hand comes: the box's middle between fingers and thumb, m."""
 CAP_Z = 0.176
@@ -91,7 +97,7 @@ def _outward(finger: str) -> float:
 
 
 def _palm(
-    size: Matrix, end: Face, finger_face: Face, side: Side, across_y: float, back_m: float = 0.0
+    size: Matrix, end: Face, finger_face: Face, side: Side, face_x: float, across_y: float, back_m: float = 0.0
 ) -> tuple[Matrix, Matrix]:
     """Return X_box_palm held and while it comes: z into the box, x from the finger face to the thumb's."""
     half = np.asarray(size, float) / 2
@@ -100,8 +106,8 @@ def _palm(
     R = np.column_stack([x, np.cross(z, x), z])
     mirror = 1.0 if side == "right" else -1.0
     poses: list[Matrix] = []
-    for face_x in (FACE_X, INSERT_X):
-        p_palm_box = np.array([face_x + np.abs(x) @ half, mirror * across_y, CAP_Z + back_m + np.abs(z) @ half])
+    for at_x in (face_x, INSERT_X):
+        p_palm_box = np.array([at_x + np.abs(x) @ half, mirror * across_y, CAP_Z + back_m + np.abs(z) @ half])
         poses.append(transform(-R @ p_palm_box, R))
     return poses[0], poses[1]
 
@@ -138,7 +144,7 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
     return Grip(
         "cage",
         side,
-        *_palm(size, end, finger_face, side, 0.0),
+        *_palm(size, end, finger_face, side, FACE_X, 0.0),
         preshape,
         stages,
         torques,
@@ -166,7 +172,9 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side, back_m: 
         middle_abd=0.0, middle_flex=-0.069, middle_pip=0.07,
         ring_abd=0.24 * out, ring_flex=-0.069, ring_pip=0.07,
     )  # fmt: skip
-    torques = _joints(thumb_flex=1.0, fore_flex=0.45, middle_flex=0.45, ring_abd=-0.5 * out)
+    # The thumb meets the box near its end, opposite the fingers' inner links. What the tips press is a moment that the
+    # box gives way to when the other hand lets go: they start light, and the thumb's torque alone tells the squeeze.
+    torques = _joints(thumb_flex=1.0, fore_flex=0.25, middle_flex=0.25, ring_abd=-0.5 * out)
     light = _joints(thumb_flex=0.3, fore_flex=0.15, middle_flex=0.15)
     stages = (
         Stage(_joints(), light, 3.0, touch=True),
@@ -176,7 +184,7 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side, back_m: 
     return Grip(
         "brace",
         side,
-        *_palm(size, end, finger_face, side, BRACE_Y, back_m),
+        *_palm(size, end, finger_face, side, BRACE_X, BRACE_Y, back_m),
         preshape,
         stages,
         torques,

@@ -28,6 +28,10 @@ NARROW = ChainQuery(least_score=6.0)
 """What it must offer where obstacles leave no roomy one."""
 
 
+PRESENT_SPEED = 0.15
+"""Share of the joint speed limits with which the left arm presents the box: a box that is turned fast slides."""
+
+
 class _Checker:
     """Whether the right arm may stand at a way-point: only its hand may come near the box."""
 
@@ -61,7 +65,7 @@ def present(
         if courses is None:
             continue
         try:
-            yield from work.travel("left", q_left, speed=0.25)
+            yield from work.travel("left", q_left, PRESENT_SPEED)
             return courses
         except TaskFailed as failed:
             if failed.kind != "stalled":

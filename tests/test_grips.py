@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from preshape.control.grips import (
+    BRACE_X,
     BRACE_Y,
     CAP_Z,
     CLAMP_WIDTHS,
@@ -65,7 +66,8 @@ def test_the_grasped_faces_lie_between_fingers_and_thumb(grip: Grip, end: Face) 
     kinematics = hand_kinematics(grip.side)
     tips = kinematics.tips(np.where(np.isfinite(grip.preshape), grip.preshape, 0.0))[0]
     thumb = tips[FINGERS.index("thumb"), 0]
-    for X, face_x in ((grip.X_box_palm, FACE_X), (grip.X_box_palm_insert, INSERT_X)):
+    held_x = BRACE_X if grip.name == "brace" else FACE_X
+    for X, face_x in ((grip.X_box_palm, held_x), (grip.X_box_palm_insert, INSERT_X)):
         x = corners_in_palm(X)[:, 0]
         np.testing.assert_allclose(x.min(), face_x, atol=1e-12)
         np.testing.assert_allclose(x.max() - x.min(), SIZE[1], atol=1e-12)
