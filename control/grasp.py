@@ -19,13 +19,17 @@ from preshape.control.touch import Flags, TouchSense
 from preshape.hal.layout import HAND_DOF, LAYOUT
 from preshape.hal.state import Vector
 
-TIGHTENING_GAIN = 1.5
-"""Joint speed per missing torque while tightening, rad/s/(N m)."""
+TIGHTENING_GAIN = 0.5
+"""Joint speed per missing torque while tightening, rad/s/(N m).
+
+Drive and contact together are some 17 N m/rad stiff: with this the torque grows with a time constant of 0.1 s. Three
+times as much is as fast as `TORQUE_FILTER_S` and overshoots by 30 %.
+"""
 TORQUE_FILTER_S = 0.030
 """Time constant of the torque that is acted on, s."""
 CLOSING_SPEED = 0.35
 """Largest joint speed before contact, rad/s."""
-TIGHTENING_SPEED = 0.8
+TIGHTENING_SPEED = 0.5
 OPENING_SPEED = 1.2
 """Largest joint speeds after contact and while opening, rad/s."""
 MET = 0.85

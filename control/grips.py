@@ -139,7 +139,7 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
     stages = (
         Stage(nothing, _joints(thumb_flex=0.3, middle_flex=0.2), 3.0, touch=True),
         Stage(curl, _joints(thumb_flex=0.3, middle_flex=0.2), 0.5),
-        Stage(nothing, torques, 2.5),
+        Stage(nothing, torques, 4.0),
     )
     return Grip(
         "cage",
@@ -179,7 +179,7 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side, back_m: 
     stages = (
         Stage(_joints(), light, 3.0, touch=True),
         Stage(_joints(ring_flex=0.45, ring_pip=0.5), light, 0.5),
-        Stage(_joints(), torques, 2.5),
+        Stage(_joints(), torques, 4.0),
     )
     return Grip(
         "brace",
