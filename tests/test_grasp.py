@@ -16,6 +16,8 @@ DT = 0.002
 SIZE = np.array([0.06, 0.09, 0.20])
 SPRING = 8.0
 """Torque of a joint that is pressed into the box, N m/rad."""
+STIFF = 17.0
+"""The same of the drives in physics on a box that gives way nowhere, N m/rad."""
 HAND = LAYOUT.hand("right")
 
 
@@ -26,14 +28,14 @@ class Box:
         self._rng = np.random.default_rng(7)
         self._sign = np.nan_to_num(np.sign(grip.torques))
         self._wall = grip.preshape + self._sign * gap
-        self.there = True
+        self.there, self.spring = True, SPRING
         self.silent: list[int] = []
         self._said = np.zeros(HAND_DOF)
 
     def answer(self, target: Vector) -> Vector:
         """Return the torques (13) at these commanded angles, with noise; silent joints repeat their last value."""
         into = np.maximum(self._sign * (target - self._wall), 0.0) if self.there else np.zeros(HAND_DOF)
-        torque = self._sign * SPRING * into + self._rng.normal(0.0, 0.005, HAND_DOF)
+        torque = self._sign * self.spring * into + self._rng.normal(0.0, 0.005, HAND_DOF)
         torque[self.silent] = self._said[self.silent]
         self._said = torque
         return torque
@@ -91,6 +93,20 @@ def test_closes_on_a_box_and_holds_it_with_the_grips_torques(grip: Grip, gap: fl
     assert bench.grasp.status is GraspStatus.HOLDING
     driven = np.isfinite(grip.torques)
     np.testing.assert_allclose(bench.torque[driven], grip.torques[driven], rtol=0.2)
+
+
+@pytest.mark.parametrize("grip", both(), ids=lambda grip: grip.name)
+def test_no_torque_overshoots_its_goal_on_a_stiff_box(grip: Grip) -> None:
+    bench = Bench(grip)
+    bench.box.spring = STIFF
+    bench.grasp.close()
+    most = np.zeros(HAND_DOF)
+    for _ in range(round(8.0 / DT)):
+        bench.run(DT)
+        most = np.maximum(most, np.abs(bench.torque))
+    assert bench.grasp.status is GraspStatus.HOLDING
+    driven = np.isfinite(grip.torques)
+    assert np.all(most[driven] <= 1.05 * np.abs(grip.torques[driven]) + 0.02)
 
 
 @pytest.mark.parametrize("grip", both(), ids=lambda grip: grip.name)
