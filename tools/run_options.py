@@ -81,7 +81,7 @@ class RunOptions:
     feed_forward: bool = True
     faults: str = ""
     until_task: int = TASKS
-    time_limit_s: float = 180.0
+    time_limit_s: float = 240.0
     record: bool = True
     pictures: bool = True
 
