@@ -132,7 +132,7 @@ class Grasp:
         if stage.touch:
             self._meet(dt, stage, driven)
         else:
-            self._drive(dt, torque, stage.torques, driven & usable, TIGHTENING_SPEED)
+            self._drive(dt, torque, stage.torques, driven & usable)
             self._push(dt, stage.torques, driven & self._touch.frozen & ~self._behind)
         if self._stage_done(stage, driven, torque):
             self._next_stage()
@@ -155,8 +155,9 @@ class Grasp:
         step = np.sign(np.nan_to_num(goal)) * CLOSING_SPEED * dt
         self._target[joints] = np.clip(self._target + step, self._lower, self._upper)[joints]
 
-    def _drive(self, dt: float, torque: Vector, goal: Vector, joints: Flags, speed: float) -> None:
-        step = np.clip(TIGHTENING_GAIN * (np.nan_to_num(goal) - torque), -speed, speed) * dt
+    def _drive(self, dt: float, torque: Vector, goal: Vector, joints: Flags) -> None:
+        missing = np.nan_to_num(goal) - torque
+        step = np.clip(TIGHTENING_GAIN * missing, -TIGHTENING_SPEED, TIGHTENING_SPEED) * dt
         self._target[joints] = np.clip(self._target + step, self._lower, self._upper)[joints]
 
     def _stage_done(self, stage: Stage, driven: Flags, torque: Vector) -> bool:

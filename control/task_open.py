@@ -26,8 +26,6 @@ ROOMY = ChainQuery(least_score=10.0)
 """What a place must offer the right arm; the motion itself may then come nearer to a limit."""
 NARROW = ChainQuery(least_score=6.0)
 """What it must offer where obstacles leave no roomy one."""
-
-
 PRESENT_SPEED = 0.15
 """Share of the joint speed limits with which the left arm presents the box: a box that is turned fast slides."""
 
