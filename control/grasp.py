@@ -13,7 +13,7 @@ from enum import Enum
 
 import numpy as np
 
-from preshape.control.grips import Grip, Stage
+from preshape.control.grip import Grip, Stage
 from preshape.control.opposition import opposition, press
 from preshape.control.touch import Flags, TouchSense
 from preshape.hal.layout import HAND_DOF, LAYOUT

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from preshape.control.grips import Grip, cage_grip
+from preshape.control.grip import Grip
+from preshape.control.grips import cage_grip
 from preshape.control.procedure_areas import components_left, lies_in
 from preshape.control.work import Work
 from preshape.hal.state import Vector

@@ -1,17 +1,19 @@
 """How a hand holds a box by an end cap: where the palm goes, how the fingers wait, in which order they close.
 
 Both grips take the box across two opposite side faces: fingers straight along the one, the thumb on the
-other, the palm before the end cap. They were found in physics (see the change log for what they hold).
+other, the palm before the end cap. Where the palm goes was found in physics (see the change log); the torques are
+those of internal forces.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 
+from preshape.control.grip import Grip, Stage, joints
+from preshape.control.internal_forces import squeezed
 from preshape.hal.layout import HAND_DOF, Side, finger_slice
-from preshape.hal.sah_hand import ACTUATED
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, transform
 from preshape.hal.world import FACES, Face, face_normal
@@ -31,58 +33,16 @@ CAP_Z = 0.176
 """Distance along palm z of the end cap from the palm's origin, m."""
 SPARE_M = 0.010
 """How far a palm stays back when both hands have straight fingers on the same face: their tips would meet, m."""
+LIGHT_SHARE = 0.3
+"""Share of the squeeze with which the fingers wait for each other."""
+RING_NM = 0.5
+"""Torque of a brace's ring finger, N m: it stands behind the box against what pushes at the opening."""
 BRACE_Y = 0.0155
 """How far towards the thumb's side the box's middle lies in a brace grip, m."""
 GRASP_WIDTHS = (0.070, 0.100)
 """Widths between finger and thumb faces that these grips suit, m."""
 CLAMP_WIDTHS = (0.052, 0.066)
 """Widths between fore and ring finger that a cage suits, m."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stage:
-    """One step of closing: joints that move to angles (nan: stay), joints that are driven to torques (nan: not).
-
-    `touch` asks that every driven joint has met something before the next stage begins.
-    """
-
-    angles: Vector
-    torques: Vector
-    seconds: float
-    touch: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Grip:
-    """A grip: palm poses in the box's frame (held, and while it comes), finger angles (13) before closing, stages.
-
-    `torques` (13), N m: goals of the driven joints, nan where the joint keeps its angle. `opposed` names the
-    pairs of fingers that press against each other: their torques are kept by closing or opening both together.
-    `advance` (3,) is the direction, in the palm's frame, in which the hand comes to the object.
-    """
-
-    name: str
-    side: Side
-    X_box_palm: Matrix
-    X_box_palm_insert: Matrix
-    preshape: Vector
-    stages: tuple[Stage, ...]
-    torques: Vector
-    opposed: tuple[tuple[str, str], ...]
-    advance: Vector = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-
-    @property
-    def opened(self) -> dict[Side, Vector]:
-        """The hand's joint angles (13), rad, when it is open, by its side."""
-        return {self.side: self.preshape}
-
-
-def _joints(**angles: float) -> Vector:
-    """Return a hand vector (13), nan but for the named joints."""
-    values = np.full(HAND_DOF, np.nan)
-    for name, angle in angles.items():
-        values[ACTUATED.index(name)] = angle
-    return values
 
 
 def _outward(finger: str) -> float:
@@ -127,29 +87,31 @@ def cage_grip(size: Matrix, end: Face, finger_face: Face, side: Side) -> Grip:
     beside: Face = next(f for f in FACES if f[1] not in (end[1], finger_face[1]))
     _check_width(size, beside, CLAMP_WIDTHS, "width between fore and ring finger")
     out = {finger: _outward(finger) for finger in ("fore", "ring")}
-    preshape = _joints(
+    preshape = joints(
         thumb_opp=1.5, thumb_abd=-0.26, thumb_flex=-0.069, thumb_pip=0.1,
         fore_abd=0.26 * out["fore"], fore_flex=-0.069, fore_pip=0.07,
         middle_abd=0.0, middle_flex=-0.069, middle_pip=0.07,
         ring_abd=0.26 * out["ring"], ring_flex=-0.069, ring_pip=0.07,
     )  # fmt: skip
-    torques = _joints(thumb_flex=0.95, middle_flex=0.5, fore_abd=-0.37 * out["fore"], ring_abd=-0.37 * out["ring"])
-    curl = _joints(fore_flex=0.5, fore_pip=0.5, ring_flex=0.5, ring_pip=0.5)
-    nothing = _joints()
+    press = joints(thumb_flex=1.0, middle_flex=1.0, fore_abd=-out["fore"], ring_abd=-out["ring"])
+    light = LIGHT_SHARE * joints(thumb_flex=1.0, middle_flex=1.0)
+    curl = joints(fore_flex=0.5, fore_pip=0.5, ring_flex=0.5, ring_pip=0.5)
+    nothing = joints()
     stages = (
-        Stage(nothing, _joints(thumb_flex=0.3, middle_flex=0.2), 3.0, touch=True),
-        Stage(curl, _joints(thumb_flex=0.3, middle_flex=0.2), 0.5),
-        Stage(nothing, torques, 4.0),
+        Stage(nothing, light, 3.0, touch=True),
+        Stage(curl, light, 0.5),
+        Stage(nothing, press, 4.0),
     )
-    return Grip(
+    shape = Grip(
         "cage",
         side,
         *_palm(size, end, finger_face, side, FACE_X, 0.0),
         preshape,
         stages,
-        torques,
+        press,
         (("thumb", "middle"), ("fore", "ring")),
     )
+    return squeezed(shape, size)
 
 
 def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side, back_m: float = 0.0) -> Grip:
@@ -166,27 +128,37 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side, back_m: 
     finger_face: Face = max(FACES, key=lambda face: float(face_normal(face) @ -x))
     _check_width(size, finger_face, GRASP_WIDTHS, "width between thumb and fingers")
     out = _outward("ring")
-    preshape = _joints(
+    preshape = joints(
         thumb_opp=1.5, thumb_abd=-0.1, thumb_flex=-0.069, thumb_pip=0.1,
         fore_abd=0.0, fore_flex=-0.069, fore_pip=0.07,
         middle_abd=0.0, middle_flex=-0.069, middle_pip=0.07,
         ring_abd=0.24 * out, ring_flex=-0.069, ring_pip=0.07,
     )  # fmt: skip
-    # The thumb meets the box near its end, opposite the fingers' inner links. What the tips press is a moment that the
-    # box gives way to when the other hand lets go: they start light, and the thumb's torque alone tells the squeeze.
-    torques = _joints(thumb_flex=1.0, fore_flex=0.25, middle_flex=0.25, ring_abd=-0.5 * out)
-    light = _joints(thumb_flex=0.3, fore_flex=0.15, middle_flex=0.15)
+    press = joints(thumb_flex=1.0, fore_flex=1.0, middle_flex=1.0)
+    nothing, light = joints(), LIGHT_SHARE * press
     stages = (
-        Stage(_joints(), light, 3.0, touch=True),
-        Stage(_joints(ring_flex=0.45, ring_pip=0.5), light, 0.5),
-        Stage(_joints(), torques, 4.0),
+        Stage(nothing, light, 3.0, touch=True),
+        Stage(joints(ring_flex=0.45, ring_pip=0.5), light, 0.5),
+        Stage(nothing, press, 4.0),
     )
-    return Grip(
+    shape = Grip(
         "brace",
         side,
         *_palm(size, end, finger_face, side, BRACE_X, BRACE_Y, back_m),
         preshape,
         stages,
-        torques,
+        press,
         (("thumb", "fore"), ("thumb", "middle")),
     )
+    return _backed(squeezed(shape, size), joints(ring_abd=-RING_NM * out))
+
+
+def _backed(grip: Grip, behind: Vector) -> Grip:
+    """Return a grip that also drives joints which have no part in its squeeze, in its last stage, to torques (13)."""
+
+    def both(torques: Vector) -> Vector:
+        return np.where(np.isfinite(behind), behind, torques)
+
+    last = grip.stages[-1]
+    stages = (*grip.stages[:-1], replace(last, torques=both(last.torques)))
+    return replace(grip, stages=stages, torques=both(grip.torques))

@@ -7,7 +7,7 @@ import numpy as np
 from preshape.control.body import Body
 from preshape.control.failure import TaskFailed
 from preshape.control.grasp import Grasp, GraspStatus
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.control.motions import Motion, ticks
 from preshape.hal.layout import LAYOUT, Side
 

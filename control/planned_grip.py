@@ -4,47 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.control.grips import Grip, Stage
-from preshape.hal import sah_hand
-from preshape.hal.layout import HAND_DOF, LAYOUT
-from preshape.hal.sah_hand import ACTUATED
-from preshape.hal.state import Vector
+from preshape.control.grip import Grip, Stage, joints
+from preshape.control.grip_contacts import Contacts
+from preshape.control.internal_forces import pressed
+from preshape.hal.sah_hand import FINGERS
+from preshape.hal.transform import inverse
 from preshape.planner.grasp_option import GraspOption
 from preshape.planner.hand_kinematics import hand_kinematics
 
-MOST_SQUEEZE_N = 10.0
-"""Force of the thumb, and of the other fingers together, that no panel minds, N."""
-JOINT_SHARE = 0.8
-"""Share of its torque limit that the squeeze may ask of any joint that bears it."""
 LIGHT_SHARE = 0.3
 """Share of the squeeze with which the fingers feel for the object."""
 
 
-def levers(option: GraspOption) -> dict[str, Vector]:
-    """Return for each finger that touches the torques (13) that a force of 1 N into the object asks, m.
+def option_contacts(option: GraspOption) -> Contacts:
+    """Return where the fingertips of an option will touch its part, in the preshaping box's frame.
 
-    tau = J^T n at the fingertip, with n the direction from the finger's preshape face to the other one.
+    The thumb presses along the box's x axis from its face, the others against it from theirs.
     """
-    jacobians = hand_kinematics(option.side).tips(option.q_hand)[1]
-    x = option.X_object_palm[:3, :3].T @ option.X_object_pb[:3, 0]
-    return {
-        finger: (-x if finger == "thumb" else x) @ jacobians[sah_hand.FINGERS.index(finger)]
-        for finger in option.fingers
-    }
-
-
-def squeeze_torques(option: GraspOption) -> Vector:
-    """Return the torques (13), N m, of the strongest squeeze that joints and panels allow; 0 where nothing bears it.
-
-    The thumb presses with f, the n others with f / n each: f = min(f_max, share tau_limit / |tau_1N|).
-    """
-    per_newton = np.zeros(HAND_DOF)
-    for finger, torques in levers(option).items():
-        per_newton += torques if finger == "thumb" else torques / (len(option.fingers) - 1)
-    limit = LAYOUT.torque[LAYOUT.hand(option.side)]
-    bearing = np.abs(per_newton) > 1e-6
-    squeeze = min(MOST_SQUEEZE_N, float(np.min(JOINT_SHARE * limit[bearing] / np.abs(per_newton[bearing]))))
-    return squeeze * per_newton
+    X_pb_palm = inverse(option.X_object_pb) @ option.X_object_palm
+    jacobians = X_pb_palm[:3, :3] @ hand_kinematics(option.side).tips(option.q_hand)[1]
+    points = (option.contacts_object - option.X_object_pb[:3, 3]) @ option.X_object_pb[:3, :3]
+    normals = np.zeros_like(points)
+    normals[:, 0] = -np.sign(points[:, 0])
+    return Contacts(
+        points,
+        normals,
+        jacobians[[FINGERS.index(finger) for finger in option.fingers]],
+        tuple(f"{finger}_dist" for finger in option.fingers),
+        np.array(option.q_hand),
+    )
 
 
 def planned_grip(option: GraspOption) -> Grip:
@@ -52,18 +40,16 @@ def planned_grip(option: GraspOption) -> Grip:
 
     The hand comes along the normal of the palm's face, which the palm itself may be tilted against.
     """
-    torques = squeeze_torques(option)
-    driven = np.array([name in {f"{finger}_flex" for finger in option.fingers} for name in ACTUATED])
-    goal = np.where(driven, torques, np.nan)
-    nothing = np.full(HAND_DOF, np.nan)
-    return Grip(
+    press, nothing = joints(**{f"{finger}_flex": 1.0 for finger in option.fingers}), joints()
+    shape = Grip(
         "planned",
         option.side,
         option.X_object_palm,
         option.X_object_palm,
         np.array(option.q_hand),
-        (Stage(nothing, LIGHT_SHARE * goal, 3.0, touch=True), Stage(nothing, goal, 2.5)),
-        goal,
+        (Stage(nothing, LIGHT_SHARE * press, 3.0, touch=True), Stage(nothing, press, 2.5)),
+        press,
         tuple(("thumb", finger) for finger in option.fingers[1:]),
         option.X_object_palm[:3, :3].T @ option.X_object_pb[:3, 2],
     )
+    return pressed(shape, option_contacts(option))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from preshape.control.failure import TaskFailed
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix
 from preshape.hal.world import FACES, Face, NominalBox, Opening, face_normal

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.control.grips import Grip, Stage
-from preshape.hal.layout import HAND_DOF
-from preshape.hal.sah_hand import ACTUATED
-from preshape.hal.state import Vector
+from preshape.control.grip import Grip, Stage, joints
+from preshape.control.internal_forces import squeezed
 from preshape.hal.transform import Matrix, transform
 from preshape.hal.world import Face, face_normal
 
@@ -27,16 +25,8 @@ WIDTHS = (0.080, 0.096)
 """Widths between the side faces that the open hand goes around and the closing hand meets, m."""
 HEIGHTS = (0.050, 0.064)
 """Heights of the lying box: the pads meet the sides 30 mm above the table, the palm's side stays above the box, m."""
-LIGHT = {"thumb_flex": 0.3, "fore_flex": 0.1, "middle_flex": 0.1, "ring_flex": 0.1}
-FIRM = {"thumb_flex": 1.1, "fore_flex": 0.37, "middle_flex": 0.37, "ring_flex": 0.37}
-"""Torques on meeting the box and while holding it, N m: about 10 N on each side."""
-
-
-def _joints(angles: dict[str, float]) -> Vector:
-    values = np.full(HAND_DOF, np.nan)
-    for name, angle in angles.items():
-        values[ACTUATED.index(name)] = angle
-    return values
+LIGHT_SHARE = 0.3
+"""Share of the squeeze with which the fingers wait for each other."""
 
 
 def _check(what: str, value: float, allowed: tuple[float, float]) -> None:
@@ -72,14 +62,15 @@ def straddle_grip(size: Matrix, up: Face, finger_face: Face, end: Face) -> Grip:
     preshape = {"thumb_opp": 1.571, "thumb_abd": -0.22, "thumb_flex": -0.069, "thumb_pip": 0.076}
     for finger in ("fore", "middle", "ring"):
         preshape |= {f"{finger}_abd": 0.0, f"{finger}_flex": -0.069, f"{finger}_pip": 0.363}
-    nothing = _joints({})
-    return Grip(
+    nothing, press = joints(), joints(thumb_flex=1.0, fore_flex=1.0, middle_flex=1.0, ring_flex=1.0)
+    shape = Grip(
         "straddle",
         "right",
         X_box_palm,
         X_box_palm,
-        _joints(preshape),
-        (Stage(nothing, _joints(LIGHT), 3.0, touch=True), Stage(nothing, _joints(FIRM), 2.5)),
-        _joints(FIRM),
+        joints(**preshape),
+        (Stage(nothing, LIGHT_SHARE * press, 3.0, touch=True), Stage(nothing, press, 2.5)),
+        press,
         (("thumb", "fore"), ("thumb", "middle"), ("thumb", "ring")),
     )
+    return squeezed(shape, size)

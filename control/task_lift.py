@@ -8,7 +8,7 @@ from preshape.control.aim import Aim, tips_of
 from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.failure import TaskFailed
 from preshape.control.grasp_choice import PREGRASP_M, STANDOFF_M
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, ticks, wait, wait_for
 from preshape.control.planned_grip import planned_grip
 from preshape.control.resting import rested

@@ -8,7 +8,8 @@ from preshape.control.approach import FieldGuide, approach, insert
 from preshape.control.carrier import Carrier, sweep
 from preshape.control.failure import TaskFailed
 from preshape.control.grasp_choice import STANDOFF_M, back_off, shown_face
-from preshape.control.grips import SPARE_M, Grip, brace_grip
+from preshape.control.grip import Grip
+from preshape.control.grips import SPARE_M, brace_grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait
 from preshape.control.procedure_areas import components_left, lies_in
 from preshape.control.task_grasp import BACK_M, take_off

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from preshape.control.failure import TaskFailed
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.control.motions import Motion, lead_fingers, lead_palm, wait, wait_for
 from preshape.control.straddle_grip import straddle_grip
 from preshape.control.work import Work

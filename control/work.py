@@ -11,7 +11,7 @@ import numpy as np
 from preshape.control.body import Body
 from preshape.control.carrier import CarryOptions
 from preshape.control.failure import TaskFailed
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
 from preshape.control.motions import Motion, follow_arms, gentle_seconds, wait

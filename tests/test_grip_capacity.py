@@ -7,15 +7,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from preshape.control.grips import Grip, brace_grip, cage_grip
+from preshape.control.contact_maps import CONE_SIDES, GripLimits
+from preshape.control.grip import Grip
+from preshape.control.grip_contacts import TOUCHING_M, Contacts, grip_contacts
+from preshape.control.grips import brace_grip, cage_grip
 from preshape.hal.layout import LAYOUT
 from preshape.hal.sah_hand import PARTS
 from preshape.hal.transform import transform
 from preshape.hal.world import FACES, Face, face_normal
 from preshape.planner.directions import square_to
 from preshape.planner.hand_kinematics import hand_kinematics
-from preshape.tools.grip_capacity import CONE_EDGES, GripLimits, capacity, push_at
-from preshape.tools.grip_contacts import TOUCHING_M, Contacts, grip_contacts
+from preshape.tools.grip_capacity import capacity, push_at
 
 SIZE = np.array([0.06, 0.09, 0.20])
 BRACES: list[tuple[Face, Face]] = [(end, face) for end in ("+z", "-z") for face in ("+x", "-x")]
@@ -122,14 +124,14 @@ def _another(contacts: Contacts, load: NDArray[np.float64], weight: NDArray[np.f
         for k, face in enumerate(FACES):
             press[k, own] = max(float(normal @ -face_normal(face)), 0.0) * normal
         u, v = square_to(normal)
-        a = (np.arange(CONE_EDGES) + 0.5) * 2 * np.pi / CONE_EDGES
-        sides = np.outer(np.cos(a), u) + np.outer(np.sin(a), v) - limits.friction * np.cos(np.pi / CONE_EDGES) * normal
-        rows = np.zeros((CONE_EDGES, 3 * n + 1))
+        a = (np.arange(CONE_SIDES) + 0.5) * 2 * np.pi / CONE_SIDES
+        sides = np.outer(np.cos(a), u) + np.outer(np.sin(a), v) - limits.friction * np.cos(np.pi / CONE_SIDES) * normal
+        rows = np.zeros((CONE_SIDES, 3 * n + 1))
         rows[:, own] = sides
         cones.append(rows)
     balance[:, -1] = load
     A = np.vstack([*cones, torque, -torque, press])
-    b = np.r_[np.zeros(n * CONE_EDGES), limits.torque, limits.torque, np.full(6, limits.crush_n)]
+    b = np.r_[np.zeros(n * CONE_SIDES), limits.torque, limits.torque, np.full(6, limits.panel_n)]
     bounds = [(None, None)] * (3 * n) + [(0.0, 200.0)]
     found = linprog(np.r_[np.zeros(3 * n), -1.0], A, b, balance, -weight, bounds, method="highs")
     return float(found.x[-1]) if found.success else 0.0

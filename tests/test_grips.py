@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from preshape.control.grip import Grip
 from preshape.control.grips import (
     BRACE_X,
     BRACE_Y,
@@ -15,7 +16,6 @@ from preshape.control.grips import (
     FACE_X,
     GRASP_WIDTHS,
     INSERT_X,
-    Grip,
     brace_grip,
     cage_grip,
 )

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from preshape.control.planned_grip import JOINT_SHARE, MOST_SQUEEZE_N, levers, planned_grip, squeeze_torques
-from preshape.hal import sah_hand
-from preshape.hal.layout import LAYOUT
-from preshape.hal.sah_hand import ACTUATED
+from preshape.control.internal_forces import internal_forces, squeeze_limits
+from preshape.control.planned_grip import option_contacts, planned_grip
+from preshape.hal.sah_hand import ACTUATED, FINGERS
 from preshape.planner.grasp_option import GraspOption
 from preshape.planner.hand_kinematics import hand_kinematics
 from preshape.planner.option_choice import RankedOption
@@ -24,41 +23,38 @@ OPTIONS = [r.option for name in ("l_carton", "cylinder", "tea_box") for r in ran
 
 
 @pytest.mark.parametrize("option", OPTIONS, ids=str)
-def test_levers_are_how_far_a_fingertip_moves_into_the_object(option: GraspOption) -> None:
+def test_jacobians_are_how_the_fingertips_move_in_the_preshaping_box(option: GraspOption) -> None:
     kinematics, step = hand_kinematics(option.side), 1e-6
-    x = option.X_object_palm[:3, :3].T @ option.X_object_pb[:3, 0]
-    for finger, torques in levers(option).items():
-        inward = -x if finger == "thumb" else x
-        tip = sah_hand.FINGERS.index(finger)
+    R = option.X_object_pb[:3, :3].T @ option.X_object_palm[:3, :3]
+    for finger, J in zip(option.fingers, option_contacts(option).jacobians, strict=True):
+        tip = FINGERS.index(finger)
         for joint in range(len(ACTUATED)):
             q = option.q_hand.copy()
             q[joint] += step
-            moved = kinematics.tips(q)[0][tip] - kinematics.tips(option.q_hand)[0][tip]
-            assert inward @ moved / step == pytest.approx(torques[joint], abs=1e-6)
+            moved = R @ (kinematics.tips(q)[0][tip] - kinematics.tips(option.q_hand)[0][tip])
+            np.testing.assert_allclose(moved / step, J[:, joint], atol=1e-6)
+
+
+@pytest.mark.parametrize("option", OPTIONS, ids=str)
+def test_thumb_and_fingers_press_on_opposite_faces_of_the_preshaping_box(option: GraspOption) -> None:
+    contacts = option_contacts(option)
+    assert np.all(contacts.points[0, 0] * contacts.points[1:, 0] < 0.0)
+    assert np.all(np.sign(contacts.points[:, 0]) == -contacts.normals[:, 0])
+    assert not contacts.normals[:, 1:].any()
 
 
 @pytest.mark.parametrize("option", OPTIONS, ids=str)
 def test_the_squeeze_is_as_strong_as_joints_and_panels_allow(option: GraspOption) -> None:
-    torques = squeeze_torques(option)
-    limit = LAYOUT.torque[LAYOUT.hand(option.side)]
-    thumb = levers(option)["thumb"]
-    bearing = int(np.argmax(np.abs(thumb)))
-    squeeze = torques[bearing] / thumb[bearing]
-    share = float(np.max(np.abs(torques) / limit))
-    assert share <= JOINT_SHARE + 1e-9 and squeeze <= MOST_SQUEEZE_N + 1e-9
-    assert share == pytest.approx(JOINT_SHARE) or squeeze == pytest.approx(MOST_SQUEEZE_N)
-
-
-@pytest.mark.parametrize("option", OPTIONS, ids=str)
-def test_the_thumb_presses_as_hard_as_the_others_together(option: GraspOption) -> None:
-    torques, per_newton = squeeze_torques(option), levers(option)
-
-    def force(finger: str) -> float:
-        joint = ACTUATED.index(f"{finger}_flex")
-        return float(torques[joint] / per_newton[finger][joint])
-
-    assert force("thumb") == pytest.approx(sum(force(finger) for finger in option.fingers[1:]))
-    assert force("thumb") > 5.0
+    limits = squeeze_limits(option.side)
+    contacts = option_contacts(option)
+    forces = internal_forces(contacts, option.fingers[1:], limits)
+    torques = np.einsum("ijk,ij->k", contacts.jacobians, forces)
+    squeeze = abs(float(forces[0, 0]))
+    share = float(np.max(np.abs(torques) / limits.torque))
+    assert share <= 1.0 + 1e-6 and squeeze <= limits.panel_n + 1e-6
+    assert share == pytest.approx(1.0, abs=1e-3) or squeeze == pytest.approx(limits.panel_n, rel=1e-3)
+    assert squeeze > 5.0
+    assert squeeze == pytest.approx(float(np.abs(forces[1:, 0]).sum()))
 
 
 @pytest.mark.parametrize("option", OPTIONS, ids=str)

@@ -5,7 +5,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.control.straddle_grip import HEIGHTS, WIDTHS, straddle_grip, straddle_pose
 from preshape.control.task_stand import (
     AWAY_M,

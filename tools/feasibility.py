@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from preshape.control.grips import CAP_Z, Grip, brace_grip, cage_grip
+from preshape.control.grip import Grip
+from preshape.control.grips import CAP_Z, brace_grip, cage_grip
 from preshape.hal import sah_hand
 from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix, transform

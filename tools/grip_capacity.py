@@ -10,33 +10,18 @@ the program is an upper bound, what a controller that regulates the squeeze can 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import daqp
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from preshape.control.contact_maps import WRENCH_SCALE, GripLimits, contact_maps
+from preshape.control.grip_contacts import Contacts
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix
-from preshape.hal.world import FACES, face_normal
-from preshape.planner.directions import square_to
-from preshape.tools.grip_contacts import Contacts
 
-CONE_EDGES = 8
-"""Edges of the pyramid inside each friction cone: it understates friction by at most 8 %."""
 MOST_LOAD_N = 200.0
 """No load above this is looked for."""
-_LENGTH = 0.1
+_MOST_N = 1e3
 _SMALL = 1e-8
-
-
-@dataclass(frozen=True, slots=True)
-class GripLimits:
-    """What bounds the contact forces: friction coefficient, joint torques (13), N m, load on one face, N."""
-
-    friction: float
-    torque: Vector
-    crush_n: float
 
 
 def push_at(p: ArrayLike, direction: ArrayLike) -> Vector:
@@ -45,42 +30,24 @@ def push_at(p: ArrayLike, direction: ArrayLike) -> Vector:
     return np.concatenate([force, np.cross(np.asarray(p, float), force)])
 
 
-def _edges(contacts: Contacts, friction: float) -> tuple[Matrix, NDArray[np.intp]]:
-    """Return the pyramids' edges, each with a normal part of 1 N, (m, 3), and the contact of each (m,)."""
-    angles = np.arange(CONE_EDGES) * 2.0 * np.pi / CONE_EDGES
-    edges: list[Matrix] = []
-    for normal in contacts.normals:
-        u, v = square_to(normal)
-        edges.append(normal + friction * (np.outer(np.cos(angles), u) + np.outer(np.sin(angles), v)))
-    return np.vstack(edges), np.repeat(np.arange(len(contacts.points), dtype=np.intp), CONE_EDGES)
-
-
 def capacity(contacts: Contacts, load: Vector, weight: Vector, limits: GripLimits) -> float:
     """Return the largest multiple (N) of the unit load wrench (6,) that the grip can bear beside a weight's wrench.
 
     0 when it cannot even bear the weight; `MOST_LOAD_N` at most.
     """
-    edges, at = _edges(contacts, limits.friction)
-    points, J = contacts.points[at], contacts.jacobians[at]
-    scale = np.r_[np.ones(3), np.full(3, 1.0 / _LENGTH)]
-    wrenches = np.hstack([edges, np.cross(points, edges)]) * scale
-    torques = np.einsum("ijk,ij->ik", J, edges)
-    pressing = np.array([np.maximum(contacts.normals[at] @ -face_normal(face), 0.0) for face in FACES])
-    rows = np.vstack([np.c_[wrenches.T, load * scale], np.c_[torques.T, np.zeros(len(limits.torque))],
-                      np.c_[pressing, np.zeros(len(FACES))]])  # fmt: skip
-    upper = np.r_[-weight * scale, limits.torque, np.full(len(FACES), limits.crush_n)]
-    lower = np.r_[-weight * scale, -limits.torque, np.zeros(len(FACES))]
-    count = len(edges) + 1
-    bounds = np.r_[np.full(len(edges), 1e3), MOST_LOAD_N], np.zeros(count)
+    maps = contact_maps(contacts, limits.friction)
+    count, faces = maps.wrenches.shape[1] + 1, np.zeros(len(maps.pressing))
+    weight, load, inside = weight * WRENCH_SCALE, load * WRENCH_SCALE, np.zeros(len(maps.sides))
+    loads = np.r_[load, np.zeros(len(inside) + len(limits.torque) + len(faces))]
+    rows = np.c_[np.vstack([maps.wrenches, maps.sides, maps.torques, maps.pressing]), loads]
     sense = np.zeros(count + len(rows), dtype=np.int32)
     sense[count : count + 6] = 5
-    goal = np.r_[np.zeros(len(edges)), -1.0]
     x, _, status, _ = daqp.solve(
         np.eye(count) * _SMALL,
-        goal,
+        np.r_[np.zeros(count - 1), -1.0],
         np.ascontiguousarray(rows),
-        np.r_[bounds[0], upper],
-        np.r_[bounds[1], lower],
+        np.r_[np.full(count - 1, _MOST_N), MOST_LOAD_N, -weight, inside, limits.torque, faces + limits.panel_n],
+        np.r_[np.full(count - 1, -_MOST_N), 0.0, -weight, inside - _MOST_N, -limits.torque, faces],
         sense,
     )
     return float(x[-1]) if status > 0 else 0.0

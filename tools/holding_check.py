@@ -8,13 +8,14 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from preshape.control.contact_maps import GripLimits
+from preshape.control.grip_contacts import Contacts, grip_contacts
 from preshape.control.grips import brace_grip
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import Vector
 from preshape.hal.world import FACES, Face
 from preshape.sim_backend.scenario import Scenario
-from preshape.tools.grip_capacity import GripLimits, capacity, push_at
-from preshape.tools.grip_contacts import Contacts, grip_contacts
+from preshape.tools.grip_capacity import capacity, push_at
 from preshape.tools.opening_demand import Demand, demands
 
 FRICTIONS = (0.4, 0.5, 0.6, 0.8)

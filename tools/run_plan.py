@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.control.procedure_areas import finger_face, palm_face, procedure_areas, realizes
 from preshape.hal.layout import Side
 from preshape.hal.world import NominalBox, Opening

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from preshape.control.grips import Grip
+from preshape.control.grip import Grip
 from preshape.hal.description import part_box
 from preshape.hal.layout import HAND_DOF, Side, finger_slice
 from preshape.hal.sah_hand import ACTUATED, FINGERS, PARTS
