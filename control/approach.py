@@ -23,7 +23,7 @@ from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
 from preshape.hal.tick_record import TickRecord, note_field
 from preshape.hal.transform import Matrix, exp_so3, inverse, transform
-from preshape.hal.world import NominalBox, OrientedBox
+from preshape.hal.world import NominalBox, Opening, OrientedBox, face_normal
 from preshape.planner.work_object import WorkObject
 
 
@@ -47,6 +47,10 @@ class ApproachLimits:
     near_rad: float = 0.10
 
 
+BOX, OPENING = "box", "opening"
+"""Names of the bodies that are the object and its face that opens."""
+PLATE_M = 0.002
+"""Thickness of that face, m."""
 READ_AGE_NS = 50_000_000
 """Age from which a reading of the field is no longer shown, ns."""
 
@@ -58,7 +62,7 @@ class FieldGuide:
         """Register the object's parts as one body, the workcell's static bodies and room for obstacles that appear."""
         self._body, self._sight = body, sight
         self.obstacles = Obstacles(body.links)
-        self.obstacles.add("box", Kind.OBJECT, target.boxes(np.eye(4)))
+        self.obstacles.add(BOX, Kind.OBJECT, target.boxes(np.eye(4)))
         for static in body.cell.statics:
             self.obstacles.add(static.name, Kind.ENVIRONMENT, [static])
         self.field = Field(body.links, self.obstacles, options)
@@ -69,10 +73,22 @@ class FieldGuide:
         self._distance, self._point = np.full(groups, np.nan), np.full((*groups, 3), np.nan)
         self._force = np.full((*groups, 3), np.nan)
 
+    def see_opening(self, opening: Opening) -> None:
+        """Take a face for the one that opens; from then on the contact policy speaks of it by itself."""
+        if OPENING in self.obstacles.names:
+            return
+        normal = face_normal(opening.face)
+        half = self.box.size / 2
+        plate = np.where(np.abs(normal) > 0.5, PLATE_M / 2, half)
+        p = normal * (float(np.abs(normal) @ half) - PLATE_M / 2)
+        self.obstacles.add(OPENING, Kind.OPENING, [OrientedBox(OPENING, transform(p), plate)])
+
     def refresh(self) -> bool:
         """Place the box and all obstacles where they are seen; return whether a new obstacle has appeared."""
         if self._sight.estimate is not None:
-            self.obstacles.move("box", self._sight.X_world_box)
+            for name in (BOX, OPENING):
+                if name in self.obstacles.names:
+                    self.obstacles.move(name, self._sight.X_world_box)
         new = False
         for obstacle in self._sight.obstacles:
             if obstacle.name not in self._known:

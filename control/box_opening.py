@@ -94,7 +94,7 @@ class BoxOpening(ProcedureControl):
         motions = (push_motion(toward), open_motion(toward, hinge_distance(self.work.box, opening)))
         yield from self.task(4, self._crush(opening, end, motions))
         if self.until_task == 5:
-            yield from self.task(5, play(self.work, opening, self._courses[1]))
+            yield from self.task(5, play(self.work, self.guide, opening, self._courses[1]))
 
     def _take_and_find(self) -> Motion:
         """Take the box and look for its opening; if it is not on the face shown, take it anew the other way round.
@@ -150,4 +150,4 @@ class BoxOpening(ProcedureControl):
 
     def _crush(self, opening: Opening, end: Face, motions: Sequence[Sequence[HandWaypoint]]) -> Motion:
         self._courses = yield from present(self.work, opening, end, motions)
-        yield from play(self.work, opening, self._courses[0])
+        yield from play(self.work, self.guide, opening, self._courses[0])

@@ -97,7 +97,7 @@ _TABLE: dict[Phase, dict[Kind, Row]] = {
         Kind.ENVIRONMENT: _row(_BASE, _BASE, _BASE),
     },
     Phase.BEFORE_CONTACT: {
-        Kind.OBJECT: _row(_BASE, _BASE, _FREE),
+        Kind.OBJECT: _row(_BASE, _MAY, _FREE),
         Kind.OPENING: _row(_BASE, _MUST, _FREE),
         Kind.ROBOT: _row(_BASE, _FREE, _FREE),
         Kind.ENVIRONMENT: _row(_BASE, _FREE, _FREE),

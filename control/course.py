@@ -8,7 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from preshape.control.aim import Aim, tips_of
+from preshape.control.approach import FieldGuide
+from preshape.control.contact_policy import Contact, Phase, members_that
+from preshape.control.deflection import Deflection
+from preshape.control.failure import TaskFailed
+from preshape.control.field import HandGoal
+from preshape.control.groups import MEMBERS
+from preshape.control.hand_touch import HandTouch
 from preshape.control.motions import Motion, between, eased, ticks
+from preshape.control.obstacles import Kind
 from preshape.control.opening_motion import HandWaypoint
 from preshape.control.work import Work
 from preshape.hal.layout import LAYOUT, Side, finger_slice
@@ -64,30 +72,80 @@ def plan_course(
     return Course(tuple(waypoints), tuple(chain[number_of == k] for k in range(len(waypoints))))
 
 
-def follow_course(work: Work, side: Side, X_world_opening: Matrix, course: Course) -> Motion:
+def follow_course(work: Work, guide: FieldGuide, side: Side, X_world_opening: Matrix, course: Course) -> Motion:
     """Lead a hand through a course whose first way-point it has reached; aimed once, before anything is touched.
 
-    Aiming anew while the hand presses would follow the box as it gives way, and push it out of the other hand.
+    Aiming anew while the hand presses would follow the box as it gives way, and push it out of the other hand. The
+    field takes the hand off its way as the contact policy says. `TaskFailed` if no finger has met the opening on the
+    second leg on which one must.
     """
-    body = work.body
-    q_last = course.start
+    body, led = work.body, _Led(work, guide, side, X_world_opening)
+    q_last, missed = course.start, False
     for waypoint, postures in zip(course.waypoints, course.legs, strict=True):
         work.phase = waypoint.name
-        X_start, X_goal = body.asked_palm(side).copy(), X_world_opening @ waypoint.X_opening_palm
+        X_goal = X_world_opening @ waypoint.X_opening_palm
         body.aims[side] = Aim(tips_of(side, inverse(work.sight.X_world_box) @ X_goal, waypoint.fingers))
-        q_start = body.asked_fingers(side)
+        if waypoint.free:
+            led.touch.forget()
+        fingers = waypoint.opened if missed and waypoint.opened is not None else waypoint.fingers
+        yield from led.leg(waypoint, fingers, np.vstack([q_last, postures]))
+        if waypoint.meets and missed:
+            led.touch.forget()
+            yield from led.leg(waypoint, waypoint.fingers, postures[[-1, -1]])
+            if not led.pinches():
+                raise TaskFailed("missed: no finger has met the opening from outside")
+            missed = False
+        elif waypoint.meets and not led.pinches():
+            work.notes.append(f"{waypoint.name}: no finger has met the opening from outside; tried again further on")
+            missed = True
+        q_last = postures[-1]
+    del body.aims[side]
+
+
+class _Led:
+    """A hand on its course: the given motion, the field's deflection, and what the fingers have met."""
+
+    def __init__(self, work: Work, guide: FieldGuide, side: Side, X_world_opening: Matrix) -> None:
+        self._body, self._deflection = work.body, Deflection(guide, work.body, side)
+        self._side: Side = side
+        self._X_world_opening, self._X_opening_world = X_world_opening, inverse(X_world_opening)
+        self._X, self._q = work.body.asked_palm(side).copy(), work.body.asked_fingers(side)
+        self.touch = HandTouch(side, work.body)
+
+    def leg(self, waypoint: HandWaypoint, fingers: Vector, knots: Matrix) -> Motion:
+        """Lead palm and fingers to the end of a leg, through arm postures (k, 7), rad."""
+        body, side = self._body, self._side
+        X_start, q_start = self._X, self._q
+        X_goal = self._X_world_opening @ waypoint.X_opening_palm
         limit = LAYOUT.torque[LAYOUT.hand(side)].copy()
         limit[_FINGERS] = np.minimum(limit[_FINGERS], waypoint.finger_torque)
-        knots = np.vstack([q_last, postures])
+        self._deflection.head_for(HandGoal(X_goal, fingers))
         count = ticks(body, max(waypoint.duration_s, _least_seconds(side, knots)))
         for k in range(1, count + 1):
             u = eased(k / count)
-            body.ask_palm(side, between(X_start, X_goal, u))
+            self._X, self._q = between(X_start, X_goal, u), q_start + u * (fingers - q_start)
+            self.touch.update()
+            asked = self._deflection.applied(HandGoal(self._X, self._q), self._phase(waypoint.phase))
+            body.ask_palm(side, asked.X_world_palm)
             body.prefer_posture(side, _at(knots, u), HURRY)
-            body.ask_fingers(side, q_start + u * (waypoint.fingers - q_start), limit)
+            body.ask_fingers(side, asked.joints, limit)
             yield
-        q_last = postures[-1]
-    del body.aims[side]
+
+    def _phase(self, phase: Phase) -> Phase:
+        """Return the policy's phase: before contact only until the thumb has met the opening, or is in it."""
+        if phase is Phase.BEFORE_CONTACT and (self.touch.met("thumb") or self._is_inside()):
+            return Phase.AFTER_CONTACT
+        return phase
+
+    def _is_inside(self) -> bool:
+        body, side = self._body, self._side
+        tip = tips_of(side, body.palm(side), body.position[LAYOUT.hand(side)])[0]
+        return float(self._X_opening_world[2, :3] @ tip + self._X_opening_world[2, 3]) < 0.0
+
+    def pinches(self) -> bool:
+        """Whether the thumb from within and a finger from without have met the opening."""
+        must = members_that(Contact.MUST, Phase.PINCH, Kind.OPENING, frozenset(MEMBERS))
+        return self.touch.met("thumb") and any(self.touch.met(member) for member in must - {"thumb"})
 
 
 def _least_seconds(side: Side, knots: Matrix) -> float:

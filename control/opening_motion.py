@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from preshape.control.contact_policy import Phase
 from preshape.hal.layout import HAND_DOF, finger_slice
 from preshape.hal.sah_hand import ACTUATED, FOREFINGERS
 from preshape.hal.state import Vector
@@ -21,8 +22,10 @@ from preshape.planner.hand_kinematics import hand_kinematics
 class HandWaypoint:
     """One leg: where the palm goes, the 13 finger angles (rad), how long it takes, what the fingers may press with.
 
-    `finger_torque` caps the joints of fore, middle and ring finger, N m: a lid that stands elsewhere than
-    expected is then pressed gently.
+    `phase` is the contact policy's on this leg. `finger_torque` caps the joints of fore, middle and ring finger, N m: a
+    lid that stands elsewhere than expected is then pressed gently. `free`: the hand touches nothing when the leg
+    begins. `meets`: by its end a finger must have met the opening from outside, opposite the thumb. If none has, the
+    legs that follow are led with the fingers `opened` (13), rad, until one says so again: there they close anew.
     """
 
     name: str
@@ -30,6 +33,10 @@ class HandWaypoint:
     fingers: Vector
     duration_s: float
     finger_torque: float = np.inf
+    phase: Phase = Phase.BEFORE_CONTACT
+    free: bool = False
+    meets: bool = False
+    opened: Vector | None = None
 
 
 FIST = (0.0, 1.13, 1.29)
@@ -96,10 +103,10 @@ def push_motion(toward: float) -> tuple[HandWaypoint, ...]:
 
     return (
         HandWaypoint("above", at(AWAY_M), fist, 0.3),
-        HandWaypoint("touch", at(0.02), fist, 0.6),
+        HandWaypoint("touch", at(0.02), fist, 0.6, free=True),
         HandWaypoint("crush", at(-DEPTH), fist, 1.6),
-        HandWaypoint("leave", at(0.06), fist, 0.8),
-        HandWaypoint("clear", at(AWAY_M), fist, 0.5),
+        HandWaypoint("leave", at(0.06), fist, 0.8, phase=Phase.AFTER_CONTACT),
+        HandWaypoint("clear", at(AWAY_M), fist, 0.5, free=True),
     )
 
 
@@ -118,29 +125,33 @@ def open_motion(
     def at(x: float, z: float, roll_deg: float, y: float = TIP_Y) -> Matrix:
         return palm_for_tip(np.array([x, toward * y, z]), TILT, float(np.deg2rad(roll_deg)), toward, fist)
 
+    inside = Phase.AFTER_CONTACT
     rise = -HINGE_ROOM - 0.003, 0.012, 20.0
     loose = [
         HandWaypoint("above", at(TIP_X, AWAY_M, 0.0), fist, 0.3),
-        HandWaypoint("enter", at(TIP_X, 0.02, 0.0), fist, 0.6),
+        HandWaypoint("enter", at(TIP_X, 0.02, 0.0), fist, 0.6, free=True),
         HandWaypoint("insert", at(TIP_X, -DEPTH, 0.0), fist, 1.2),
-        HandWaypoint("lean", at(TIP_X, -DEPTH, 0.0, LEVER_Y), fist, 0.6),
-        HandWaypoint("lever", at(-0.028, -0.028, 45.0, LEVER_Y), fist, 1.2),
-        HandWaypoint("tear", at(-0.031, -0.020, 53.0, LEVER_Y), fist, 1.0),
-        HandWaypoint("raise", at(*rise, PINCH_Y), fist, 1.0),
-        HandWaypoint("hook", at(*rise, PINCH_Y), hook, 0.6, PINCH_TORQUE),
-        HandWaypoint("pinch", at(*rise, PINCH_Y), pinch, 0.6, PINCH_TORQUE),
+        HandWaypoint("lean", at(TIP_X, -DEPTH, 0.0, LEVER_Y), fist, 0.6, phase=inside),
+        HandWaypoint("lever", at(-0.028, -0.028, 45.0, LEVER_Y), fist, 1.2, phase=inside),
+        HandWaypoint("tear", at(-0.031, -0.020, 53.0, LEVER_Y), fist, 1.0, phase=inside),
+        HandWaypoint("raise", at(*rise, PINCH_Y), fist, 1.0, phase=inside),
+        HandWaypoint("hook", at(*rise, PINCH_Y), hook, 0.6, PINCH_TORQUE, Phase.PINCH, free=True),
+        HandWaypoint("pinch", at(*rise, PINCH_Y), pinch, 0.6, PINCH_TORQUE, Phase.PINCH, meets=True),
     ]
     X_rise, steps = at(*rise, PINCH_Y), 8
     turned = [_about_hinge(X_rise, hinge_distance, turn * (k + 1) / steps) for k in range(steps)]
-    turns = [HandWaypoint("turn", X, pinch, 0.35, PINCH_TORQUE) for X in turned]
+    turns = [
+        HandWaypoint("turn", X, pinch, 0.35, PINCH_TORQUE, Phase.PINCH, meets=X is turned[-1], opened=fist)
+        for X in turned
+    ]
     X_end = turned[-1]
     u = X_end[:3, :3] @ hand_kinematics("right").tip_poses(fist)[0][:3, 0]
     leave = [
-        HandWaypoint("let go", X_end, _hook(0.85, 0.8), 0.5),
-        HandWaypoint("curl", X_end, curl, 0.5),
-        HandWaypoint("fold", X_end, fist, 0.4),
-        HandWaypoint("withdraw", transform(-0.05 * u) @ X_end, fist, 0.8),
-        HandWaypoint("leave", transform(-0.12 * u) @ X_end, fist, 0.8),
+        HandWaypoint("let go", X_end, _hook(0.85, 0.8), 0.5, phase=Phase.PINCH),
+        HandWaypoint("curl", X_end, curl, 0.5, phase=inside),
+        HandWaypoint("fold", X_end, fist, 0.4, phase=inside),
+        HandWaypoint("withdraw", transform(-0.05 * u) @ X_end, fist, 0.8, phase=inside),
+        HandWaypoint("leave", transform(-0.12 * u) @ X_end, fist, 0.8, free=True),
     ]
     return (*loose, *turns, *leave)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from preshape.control.approach import FieldGuide
 from preshape.control.course import Course, follow_course, plan_course
 from preshape.control.failure import TaskFailed
 from preshape.control.motions import Motion, lead_fingers
@@ -94,10 +95,11 @@ def _courses(
     return tuple(found)
 
 
-def play(work: Work, opening: Opening, course: Course) -> Motion:
+def play(work: Work, guide: FieldGuide, opening: Opening, course: Course) -> Motion:
     """Carry out a motion in the opening's frame: travel to its first posture, aim by what is seen then, follow it."""
     work.phase = "travel"
+    guide.see_opening(opening)
     yield from lead_fingers(work.body, "right", course.waypoints[0].fingers)
     yield from work.travel("right", course.start)
     X_world_opening = work.sight.X_world_box @ opening_frame(work.box, opening)
-    yield from follow_course(work, "right", X_world_opening, course)
+    yield from follow_course(work, guide, "right", X_world_opening, course)

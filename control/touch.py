@@ -48,7 +48,7 @@ class TouchSense:
             self._samples += 1
             self._bias += (torque - self._bias) / self._samples
             return
-        _count_over(torque, self._bias, self._over, self.touching)
+        count_over(torque, self._bias, TOUCH_NM, TOUCH_TICKS, self._over, self.touching)
 
 
 @compiled
@@ -61,7 +61,8 @@ def count_same(torque: Vector, last: Vector, same: NDArray[np.int64], frozen: Fl
 
 
 @compiled
-def _count_over(torque: Vector, bias: Vector, over: NDArray[np.int64], touching: Flags) -> None:
-    for j in range(len(torque)):
-        over[j] = over[j] + 1 if abs(torque[j] - bias[j]) > TOUCH_NM else 0
-        touching[j] = touching[j] or over[j] >= TOUCH_TICKS
+def count_over(value: Vector, free: Vector, most: float, ticks: int, over: NDArray[np.int64], touching: Flags) -> None:
+    """Count in place for how many ticks each value has been further than `most` from what it is when free; mark."""
+    for j in range(len(value)):
+        over[j] = over[j] + 1 if abs(value[j] - free[j]) > most else 0
+        touching[j] = touching[j] or over[j] >= ticks

@@ -45,7 +45,7 @@ def moves(phase: Phase, kind: Kind, member: str) -> tuple[bool, bool]:
         return kind is not Kind.OBJECT, False
     if phase is Phase.BEFORE_CONTACT:
         if thumb:
-            return kind is not Kind.OPENING, kind in ELSE
+            return kind in ELSE, kind in ELSE
         return True, finger
     if phase is Phase.AFTER_CONTACT:
         return False, finger
@@ -56,9 +56,7 @@ def contact(phase: Phase, kind: Kind, member: str) -> Contact:
     thumb = member == "thumb"
     if phase is Phase.GRASP and kind is Kind.OBJECT:
         return Contact.MAY if member == "palm" else Contact.MUST
-    if phase is Phase.BEFORE_CONTACT and kind is Kind.OPENING and thumb:
-        return Contact.MUST
-    if phase in (Phase.AFTER_CONTACT, Phase.PINCH) and thumb and kind in THING:
+    if phase in (Phase.BEFORE_CONTACT, Phase.AFTER_CONTACT, Phase.PINCH) and thumb and kind in THING:
         return Contact.MUST if kind is Kind.OPENING else Contact.MAY
     if phase is Phase.PINCH and member in ("fore", "middle") and kind is Kind.OPENING:
         return Contact.MUST
