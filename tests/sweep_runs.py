@@ -1,11 +1,15 @@
 """Runs for tests of sweeps, in a module of their own: the processes of a sweep import them by its name."""
 
 import os
+import time
+from pathlib import Path
 
 from preshape.sim_backend.referee_report import TASK_NAMES
 from preshape.tools.sweep_run import THREAD_VARIABLES, Figures, RunCase, RunOutcome
 
 RAISES, DIES = 3, 5
+WAITING_PLACE = "SWEEP_WAITING_PLACE"
+"""The environment's name of the folder in which `waiting_run` writes down its process."""
 
 
 def figures(slip_mm: float) -> Figures:
@@ -51,3 +55,10 @@ def rough_run(case: RunCase) -> RunOutcome:
 def threads_seen(case: RunCase) -> RunOutcome:
     """Report what the numerical libraries of this process are told."""
     return run_outcome(case.seed, 1, ",".join(os.environ.get(variable, "unset") for variable in THREAD_VARIABLES))
+
+
+def waiting_run(case: RunCase) -> RunOutcome:
+    """Write down which process this is, and wait for a minute."""
+    Path(os.environ[WAITING_PLACE], str(os.getpid())).touch()
+    time.sleep(60.0)
+    return run_outcome(case.seed)

@@ -1,11 +1,15 @@
 """Sweeps: every run stands for itself, counts add up, and what is printed and written says so."""
 
 import json
+import os
+import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from sweep_runs import DIES, RAISES, fake_run, rough_run, run_outcome, threads_seen
+from sweep_runs import DIES, RAISES, WAITING_PLACE, fake_run, rough_run, run_outcome, threads_seen
 
 from preshape.sim_backend.scenario import Scenario
 from preshape.tools import command_sweep, sweep_run
@@ -47,6 +51,42 @@ def test_an_exception_and_a_dead_process_fail_their_own_run_only() -> None:
     assert all(by_seed[seed].failed_task is None for seed in (RAISES, DIES))
     for seed in set(by_seed) - {RAISES, DIES}:
         assert by_seed[seed].success == (seed % 2 == 0)
+
+
+def test_a_killed_sweep_leaves_no_process_at_work(tmp_path: Path) -> None:
+    code = (
+        "import sweep_runs as r; from preshape.tools.sweep import sweep; from preshape.tools.sweep_run import RunCase;"
+        "from preshape.tools.run_options import RunOptions; from preshape.sim_backend.scenario import Scenario;"
+        "sweep([RunCase(Scenario(name='one'), seed, RunOptions()) for seed in range(4)], r.waiting_run, 'loky', 2)"
+    )
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    environment = os.environ | {WAITING_PLACE: str(tmp_path), "PYTHONPATH": paths}
+    parent = subprocess.Popen([sys.executable, "-c", code], env=environment)
+    try:
+        assert until(lambda: len(list(tmp_path.iterdir())) == 2, 60.0)
+    finally:
+        parent.kill()
+        parent.wait()
+    workers = [int(path.name) for path in tmp_path.iterdir()]
+    assert until(lambda: not any(at_work(pid) for pid in workers), 10.0)
+
+
+def until(condition: Callable[[], bool], seconds: float) -> bool:
+    """Wait until a condition holds; return whether it did within the time."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+def at_work(pid: int) -> bool:
+    """Whether a process is there and has not ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except FileNotFoundError:
+        return False
 
 
 def test_each_process_keeps_to_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import os
+import threading
+import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Literal, cast
@@ -15,6 +18,8 @@ from preshape.tools.sweep_run import Run, RunCase, RunOutcome, alone, guarded
 
 joblib: Any = untyped_joblib  # its types contradict its documentation
 
+WATCH_S = 0.5
+"""How often a process of a sweep looks whether the sweep is there, s."""
 Backend = Literal["loky", "threading", "dask", "ray"]
 
 
@@ -46,7 +51,8 @@ def back_end(name: Backend, jobs: int) -> Generator[None]:
         ConfigurationError: the back end's package is not installed.
     """
     if name == "threading" or name == "loky":
-        with joblib.parallel_config(name, n_jobs=jobs):
+        own: dict[str, Any] = {} if name == "threading" else {"initializer": end_with, "initargs": (os.getpid(),)}
+        with joblib.parallel_config(name, n_jobs=jobs, **own):
             yield
         return
     try:
@@ -63,6 +69,17 @@ def back_end(name: Backend, jobs: int) -> Generator[None]:
     finally:
         if client is not None:
             client.close()
+
+
+def end_with(parent: int) -> None:
+    """Let this process end soon after its parent has: a killed sweep leaves no runs at work."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
 def _parallel(calls: Iterable[Any], whole: bool = False, **settings: Any) -> Iterator[RunOutcome]:
