@@ -143,9 +143,10 @@ class _Led:
         return float(self._X_opening_world[2, :3] @ tip + self._X_opening_world[2, 3]) < 0.0
 
     def pinches(self) -> bool:
-        """Whether the thumb from within and a finger from without have met the opening."""
+        """Whether the thumb from within and a finger from without have met the opening, or would not be felt to."""
         must = members_that(Contact.MUST, Phase.PINCH, Kind.OPENING, frozenset(MEMBERS))
-        return self.touch.met("thumb") and any(self.touch.met(member) for member in must - {"thumb"})
+        may_have = {member for member in must if self.touch.met(member) or self.touch.blind(member)}
+        return "thumb" in may_have and len(may_have) > 1
 
 
 def _least_seconds(side: Side, knots: Matrix) -> float:

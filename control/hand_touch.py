@@ -42,3 +42,8 @@ class HandTouch:
         """Whether a finger has met something since the hand was last taken to be free; the palm has no sensor."""
         joints = _JOINTS.get(member)
         return joints is not None and bool((self._sense.touching[joints] | self._blocked[joints]).any())
+
+    def blind(self, member: Member) -> bool:
+        """Whether a finger has a sensor that says nothing new: it may have met something without being felt."""
+        joints = _JOINTS.get(member)
+        return joints is not None and bool(self._sense.frozen[joints].any())

@@ -11,7 +11,7 @@ import pytest
 from preshape.control.body import Body
 from preshape.control.groups import MEMBERS, Member
 from preshape.control.hand_touch import BLOCKED_RAD, HandTouch
-from preshape.control.touch import BIAS_TICKS, TOUCH_NM, TOUCH_TICKS
+from preshape.control.touch import BIAS_TICKS, FROZEN_TICKS, TOUCH_NM, TOUCH_TICKS
 from preshape.hal.layout import LAYOUT, SIDES, Side, finger_slice
 
 FINGERS: tuple[Member, ...] = tuple(member for member in MEMBERS if member != "palm")
@@ -52,6 +52,18 @@ def test_a_finger_has_met_something_when_it_stays_behind_its_command(side: Side,
     assert bench.run(10 * TOUCH_TICKS) == set()
     bench.body.position[joint] = 1.1 * BLOCKED_RAD
     assert bench.run(TOUCH_TICKS) == {member}
+
+
+@pytest.mark.parametrize("member", FINGERS)
+def test_a_finger_with_a_frozen_sensor_is_blind_and_the_others_are_not(member: Member) -> None:
+    bench = Bench("right")
+    joint = bench.hand.start + finger_slice(member).start
+    rng = np.random.default_rng(1)
+    for _ in range(FROZEN_TICKS + 1):
+        bench.body.torque[:] = rng.normal(0.0, 0.01, LAYOUT.dof)
+        bench.body.torque[joint] = 0.02
+        bench.run(1)
+    assert {other for other in MEMBERS if bench.touch.blind(other)} == {member}
 
 
 def test_the_other_hand_does_not_count() -> None:
