@@ -11,6 +11,9 @@ from preshape.hal.sah_hand import ACTUATED
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix
 
+LIGHT_SHARE = 0.3
+"""Share of the squeeze with which the fingers wait for each other."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from preshape.control.grip import Grip, Stage, joints
+from preshape.control.grip import LIGHT_SHARE, Grip, Stage, joints
 from preshape.control.internal_forces import squeezed
 from preshape.hal.layout import HAND_DOF, Side, finger_slice
 from preshape.hal.state import Vector
@@ -33,8 +33,6 @@ CAP_Z = 0.176
 """Distance along palm z of the end cap from the palm's origin, m."""
 SPARE_M = 0.010
 """How far a palm stays back when both hands have straight fingers on the same face: their tips would meet, m."""
-LIGHT_SHARE = 0.3
-"""Share of the squeeze with which the fingers wait for each other."""
 RING_NM = 0.5
 """Torque of a brace's ring finger, N m: it stands behind the box against what pushes at the opening."""
 BRACE_Y = 0.0155

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.control.grip import Grip, Stage, joints
+from preshape.control.grip import LIGHT_SHARE, Grip, Stage, joints
 from preshape.control.grip_contacts import Contacts
 from preshape.control.internal_forces import pressed
 from preshape.hal.sah_hand import FINGERS
 from preshape.hal.transform import inverse
 from preshape.planner.grasp_option import GraspOption
 from preshape.planner.hand_kinematics import hand_kinematics
-
-LIGHT_SHARE = 0.3
-"""Share of the squeeze with which the fingers feel for the object."""
 
 
 def option_contacts(option: GraspOption) -> Contacts:

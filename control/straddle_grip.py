@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.control.grip import Grip, Stage, joints
+from preshape.control.grip import LIGHT_SHARE, Grip, Stage, joints
 from preshape.control.internal_forces import squeezed
 from preshape.hal.transform import Matrix, transform
 from preshape.hal.world import Face, face_normal
@@ -25,8 +25,6 @@ WIDTHS = (0.080, 0.096)
 """Widths between the side faces that the open hand goes around and the closing hand meets, m."""
 HEIGHTS = (0.050, 0.064)
 """Heights of the lying box: the pads meet the sides 30 mm above the table, the palm's side stays above the box, m."""
-LIGHT_SHARE = 0.3
-"""Share of the squeeze with which the fingers wait for each other."""
 
 
 def _check(what: str, value: float, allowed: tuple[float, float]) -> None:
