@@ -15,7 +15,7 @@ from preshape.control.failure import TaskFailed
 from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
 from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
 from preshape.control.groups import GROUPS
-from preshape.control.motions import Motion, between, eased, ticks
+from preshape.control.motions import Motion, between, eased, limited, ticks
 from preshape.control.obstacles import Kind, Obstacles
 from preshape.control.potentials import pose_error
 from preshape.control.sight import Sight
@@ -67,6 +67,7 @@ class FieldGuide:
             self.obstacles.add(static.name, Kind.ENVIRONMENT, [static])
         self.field = Field(body.links, self.obstacles, options)
         self.box = box
+        self._of_object = [BOX]
         self._known: set[str] = set()
         self._read_ns = -(2**62)
         groups = (len(SIDES), len(GROUPS))
@@ -74,21 +75,22 @@ class FieldGuide:
         self._force = np.full((*groups, 3), np.nan)
 
     def see_opening(self, opening: Opening) -> None:
-        """Take a face for the one that opens; from then on the contact policy speaks of it by itself."""
-        if OPENING in self.obstacles.names:
-            return
+        """Take a face for the one that opens: a body of its own to the contact policy from then on.
+
+        `ValueError` when one has been taken before.
+        """
         normal = face_normal(opening.face)
         half = self.box.size / 2
         plate = np.where(np.abs(normal) > 0.5, PLATE_M / 2, half)
         p = normal * (float(np.abs(normal) @ half) - PLATE_M / 2)
         self.obstacles.add(OPENING, Kind.OPENING, [OrientedBox(OPENING, transform(p), plate)])
+        self._of_object.append(OPENING)
 
     def refresh(self) -> bool:
         """Place the box and all obstacles where they are seen; return whether a new obstacle has appeared."""
         if self._sight.estimate is not None:
-            for name in (BOX, OPENING):
-                if name in self.obstacles.names:
-                    self.obstacles.move(name, self._sight.X_world_box)
+            for name in self._of_object:
+                self.obstacles.move(name, self._sight.X_world_box)
         new = False
         for obstacle in self._sight.obstacles:
             if obstacle.name not in self._known:
@@ -246,9 +248,8 @@ LEAD_M = 0.03
 def _advance(X_asked: Matrix, X_measured: Matrix, twist: Matrix, limits: ApproachLimits, dt: float) -> Matrix:
     """Return the asked palm one period on, speeds cut, and kept within a lead of the measured one."""
     v, w = twist[:3], twist[3:]
-    v = v * min(1.0, limits.speed / max(float(np.linalg.norm(v)), 1e-12))
-    w = w * min(1.0, limits.turn_speed / max(float(np.linalg.norm(w)), 1e-12))
+    v, w = limited(v, limits.speed), limited(w, limits.turn_speed)
     p = X_asked[:3, 3] + v * dt
     offset = p - X_measured[:3, 3]
-    p = X_measured[:3, 3] + offset * min(1.0, LEAD_M / max(float(np.linalg.norm(offset)), 1e-12))
+    p = X_measured[:3, 3] + limited(offset, LEAD_M)
     return transform(p, exp_so3(w * dt) @ X_asked[:3, :3])

@@ -149,5 +149,6 @@ class BoxOpening(ProcedureControl):
         return float(np.sign(-y @ face_normal(self._held_end())))
 
     def _crush(self, opening: Opening, end: Face, motions: Sequence[Sequence[HandWaypoint]]) -> Motion:
+        self.guide.see_opening(opening)
         self._courses = yield from present(self.work, opening, end, motions)
         yield from play(self.work, self.guide, opening, self._courses[0])

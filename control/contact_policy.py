@@ -12,11 +12,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
 
 from preshape.control.field import FieldGains
 from preshape.control.groups import MEMBERS, PART_MEMBERS, Member, group_of
 from preshape.control.obstacles import Kind, Obstacles
 from preshape.hal.layout import SIDES, Side
+from preshape.hal.transform import Matrix
 
 
 class Phase(StrEnum):
@@ -62,6 +67,7 @@ _STILL = Rule(0.0, 0.0, Contact.AVOID)
 _MAY = Rule(0.0, 0.0, Contact.MAY)
 _MUST = Rule(0.0, 0.0, Contact.MUST)
 
+_KINDS = tuple(Kind)
 Row = tuple[Rule, Rule, Rule, Rule, Rule]
 """Rules of palm, thumb, fore, middle, ring."""
 
@@ -155,18 +161,26 @@ def apply_policy(
     """
     if not 0.0 <= settled <= 1.0 or (settled > 0.0 and phase is not Phase.PRESHAPE):
         raise ValueError(f"settled: got {settled} in phase {phase}, allowed is 0 .. 1 in phase preshape, else 0")
-    hand = SIDES.index(side)
-    for body, kind in enumerate(obstacles.kinds):
-        for number, member in enumerate(MEMBERS):
-            cell = rule(phase, kind, member, used)
-            base, joints = cell.base, cell.joints
-            if settled > 0.0:
-                near = rule(Phase.NEAR, kind, member, used)
-                base += settled * (near.base - base)
-                joints += settled * (near.joints - joints)
-            gains.base[hand, number, body] = base
-            gains.joints[hand, number, body] = joints
-            gains.ignored[hand, number, body] = is_left_out(phase, kind, member, used)
+    base, joints, left_out = _gains(phase, used)
+    if settled > 0.0:
+        near_base, near_joints, _ = _gains(Phase.NEAR, used)
+        base, joints = base + settled * (near_base - base), joints + settled * (near_joints - joints)
+    hand, bodies = SIDES.index(side), obstacles.bodies
+    kinds = [_KINDS.index(kind) for kind in obstacles.kinds]
+    gains.base[hand, :, :bodies] = base[kinds].T
+    gains.joints[hand, :, :bodies] = joints[kinds].T
+    gains.ignored[hand, :, :bodies] = left_out[kinds].T
+
+
+@cache
+def _gains(phase: Phase, used: frozenset[Member]) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:
+    """Return a phase's gains on base and joints, and who is left out of the minimum, each (kinds, members)."""
+    cells = [[rule(phase, kind, member, used) for member in MEMBERS] for kind in _KINDS]
+    return (
+        np.array([[cell.base for cell in row] for row in cells]),
+        np.array([[cell.joints for cell in row] for row in cells]),
+        np.array([[is_left_out(phase, kind, member, used) for member in MEMBERS] for kind in _KINDS]),
+    )
 
 
 def members_that(contact: Contact, phase: Phase, kind: Kind, used: frozenset[Member]) -> frozenset[Member]:

@@ -79,12 +79,10 @@ def follow_course(work: Work, guide: FieldGuide, side: Side, X_world_opening: Ma
     field takes the hand off its way as the contact policy says. `TaskFailed` if no finger has met the opening on the
     second leg on which one must.
     """
-    body, led = work.body, _Led(work, guide, side, X_world_opening)
+    led = _Led(work, guide, side, X_world_opening)
     q_last, missed = course.start, False
     for waypoint, postures in zip(course.waypoints, course.legs, strict=True):
         work.phase = waypoint.name
-        X_goal = X_world_opening @ waypoint.X_opening_palm
-        body.aims[side] = Aim(tips_of(side, inverse(work.sight.X_world_box) @ X_goal, waypoint.fingers))
         if waypoint.free:
             led.touch.forget()
         fingers = waypoint.opened if missed and waypoint.opened is not None else waypoint.fingers
@@ -99,14 +97,14 @@ def follow_course(work: Work, guide: FieldGuide, side: Side, X_world_opening: Ma
             work.notes.append(f"{waypoint.name}: no finger has met the opening from outside; tried again further on")
             missed = True
         q_last = postures[-1]
-    del body.aims[side]
+    del work.body.aims[side]
 
 
 class _Led:
     """A hand on its course: the given motion, the field's deflection, and what the fingers have met."""
 
     def __init__(self, work: Work, guide: FieldGuide, side: Side, X_world_opening: Matrix) -> None:
-        self._body, self._deflection = work.body, Deflection(guide, work.body, side)
+        self._body, self._sight, self._deflection = work.body, work.sight, Deflection(guide, work.body, side)
         self._side: Side = side
         self._X_world_opening, self._X_opening_world = X_world_opening, inverse(X_world_opening)
         self._X, self._q = work.body.asked_palm(side).copy(), work.body.asked_fingers(side)
@@ -117,6 +115,7 @@ class _Led:
         body, side = self._body, self._side
         X_start, q_start = self._X, self._q
         X_goal = self._X_world_opening @ waypoint.X_opening_palm
+        body.aims[side] = Aim(tips_of(side, inverse(self._sight.X_world_box) @ X_goal, fingers))
         limit = LAYOUT.torque[LAYOUT.hand(side)].copy()
         limit[_FINGERS] = np.minimum(limit[_FINGERS], waypoint.finger_torque)
         self._deflection.head_for(HandGoal(X_goal, fingers))

@@ -25,8 +25,8 @@ from preshape.control.contact_policy import Phase, apply_policy
 from preshape.control.field import HandGoal
 from preshape.control.goal_clearance import SHARE, SLOPE, goal_clearance, goal_error
 from preshape.control.groups import GROUPS, PART_GROUPS
+from preshape.control.motions import limited
 from preshape.control.obstacles import MAX_BODIES
-from preshape.control.potentials import attraction
 from preshape.hal.layout import HAND_DOF, LAYOUT, SIDES, Side
 from preshape.hal.transform import exp_so3, transform
 
@@ -79,11 +79,9 @@ class Deflection:
 
     def _drift(self) -> None:
         """Move the offset by one period."""
-        p, limits, dt = self._guide.field.parameters, self._limits, self._body.period_s
-        push = self._guide.field.repulsion(self._side)
-        v = push.twist[:3] + p.base_mobility * attraction(-self._p, p.pull_n, p.near_m)
-        w = push.twist[3:] + p.turn_mobility * attraction(-self._w, p.pull_nm, p.near_rad)
-        joints = push.joints + p.joint_mobility * attraction(-self._joints, p.joint_pull_nm, p.joint_near_rad)
-        self._p += dt * v * min(1.0, limits.speed / max(float(np.linalg.norm(v)), 1e-12))
-        self._w += dt * w * min(1.0, limits.turn_speed / max(float(np.linalg.norm(w)), 1e-12))
+        field, limits, dt = self._guide.field, self._limits, self._body.period_s
+        push, pull = field.repulsion(self._side), field.pull(-self._p, -self._w, -self._joints)
+        twist, joints = push.twist + pull.twist, push.joints + pull.joints
+        self._p += dt * limited(twist[:3], limits.speed)
+        self._w += dt * limited(twist[3:], limits.turn_speed)
         self._joints += dt * np.clip(joints, -limits.joint_speed, limits.joint_speed)

@@ -150,11 +150,14 @@ class Field:
 
     def attraction(self, side: Side, goal: HandGoal, joints: ArrayLike) -> HandMotion:
         """Return the motion towards a goal from the links' present pose and the hand's 13 joint angles (rad)."""
+        return self.pull(*pose_error(goal.X_world_palm, self.links.palm(side)), goal.joints - np.asarray(joints))
+
+    def pull(self, position: Matrix, turn: Matrix, joints: Matrix) -> HandMotion:
+        """Return the motion that the attraction asks of a hand that is off by (3,), m, by (3,), and by (13,), rad."""
         p = self.parameters
-        position, turn = pose_error(goal.X_world_palm, self.links.palm(side))
         force = attraction(position, p.pull_n, p.near_m)
         torque = attraction(turn, p.pull_nm, p.near_rad)
-        joint_torque = attraction(goal.joints - np.asarray(joints), p.joint_pull_nm, p.joint_near_rad)
+        joint_torque = attraction(joints, p.joint_pull_nm, p.joint_near_rad)
         twist = np.concatenate([p.base_mobility * force, p.turn_mobility * torque])
         return HandMotion(twist, p.joint_mobility * joint_torque)
 

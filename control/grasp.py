@@ -105,11 +105,9 @@ class Grasp:
         """Begin opening to the grip's preshape."""
         self.status = GraspStatus.OPENING
 
-    def step(
-        self, dt: float, position: Vector, velocity: Vector, torque: Vector, age_s: float
-    ) -> tuple[Vector, Vector]:
+    def step(self, dt: float, position: Vector, torque: Vector, age_s: float) -> tuple[Vector, Vector]:
         """Return the angles (13), rad, and torque limits (13), N m, to ask for in this tick."""
-        self._touch.update(velocity, torque)
+        self._touch.update(torque)
         self._filtered += min(1.0, dt / TORQUE_FILTER_S) * (torque - self._filtered)
         torque = self._filtered
         usable = ~self._touch.frozen & (age_s < STALE_S)

@@ -32,7 +32,7 @@ class Hand:
             return
         body, hand = self._body, LAYOUT.hand(self.side)
         target, limit = self._grasp.step(
-            body.period_s, body.position[hand], body.velocity[hand], body.torque[hand],
+            body.period_s, body.position[hand], body.torque[hand],
             float(np.max(body.age_ns[hand])) * 1e-9,
         )  # fmt: skip
         body.ask_fingers(self.side, target, limit)

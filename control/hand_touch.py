@@ -34,7 +34,7 @@ class HandTouch:
     def update(self) -> None:
         """Take this tick's torques, and how far the joints are behind their commands."""
         body, hand = self._body, self._hand
-        self._sense.update(body.velocity[hand], body.torque[hand])
+        self._sense.update(body.torque[hand])
         behind = body.commanded[0][hand] - body.position[hand]
         count_over(behind, self._zero, BLOCKED_RAD, TOUCH_TICKS, self._behind, self._blocked)
 

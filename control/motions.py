@@ -25,6 +25,11 @@ def between(X_a: Matrix, X_b: Matrix, u: float) -> Matrix:
     return transform(X_a[:3, 3] + u * (X_b[:3, 3] - X_a[:3, 3]), X_a[:3, :3] @ exp_so3(u * turn))
 
 
+def limited(vector: Matrix, most: float) -> Matrix:
+    """Return a vector in its direction, no longer than `most` (in its unit)."""
+    return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-12))
+
+
 def ticks(body: Body, seconds: float) -> int:
     """Return how many periods a duration takes, at least one."""
     return max(1, round(seconds / body.period_s))

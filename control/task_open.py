@@ -98,7 +98,6 @@ def _courses(
 def play(work: Work, guide: FieldGuide, opening: Opening, course: Course) -> Motion:
     """Carry out a motion in the opening's frame: travel to its first posture, aim by what is seen then, follow it."""
     work.phase = "travel"
-    guide.see_opening(opening)
     yield from lead_fingers(work.body, "right", course.waypoints[0].fingers)
     yield from work.travel("right", course.start)
     X_world_opening = work.sight.X_world_box @ opening_frame(work.box, opening)

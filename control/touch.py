@@ -41,8 +41,8 @@ class TouchSense:
         self._over[:] = 0
         self.touching[:] = False
 
-    def update(self, velocity: Vector, torque: Vector) -> None:
-        """Take this tick's joint velocities (13), rad/s, and torques (13), N m."""
+    def update(self, torque: Vector) -> None:
+        """Take this tick's joint torques (13), N m."""
         count_same(torque, self._last, self._same, self.frozen)
         if self._samples < BIAS_TICKS:
             self._samples += 1

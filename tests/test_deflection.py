@@ -123,7 +123,8 @@ def test_joints_keep_their_limits() -> None:
 @pytest.mark.parametrize("face", ["+x", "-x"])
 def test_the_opening_is_a_thin_plate_in_its_face_and_moves_with_the_box(face: Face) -> None:
     bench = Bench(transform((-0.06, 0.0, 0.17)), face)
-    bench.guide.see_opening(Opening(face, "+y", 0.0))
+    with pytest.raises(ValueError, match="'opening' exists already"):
+        bench.guide.see_opening(Opening(face, "+y", 0.0))
     bench.guide.refresh()
     obstacles = bench.guide.obstacles
     body = obstacles.index(OPENING)

@@ -69,7 +69,7 @@ class Bench:
                 break
             self.torque = self.box.answer(self.target)
             position = self.box.stopped(self.target)
-            self.target, self.limit = self.grasp.step(DT, position, np.zeros(HAND_DOF), self.torque, self.age_s)
+            self.target, self.limit = self.grasp.step(DT, position, self.torque, self.age_s)
             targets.append(self.target)
         return targets
 

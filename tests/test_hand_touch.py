@@ -22,7 +22,7 @@ class Bench:
 
     def __init__(self, side: Side) -> None:
         zero = np.zeros(LAYOUT.dof)
-        self.body = SimpleNamespace(velocity=zero, torque=zero.copy(), position=zero.copy(), commanded=(zero, zero))
+        self.body = SimpleNamespace(torque=zero.copy(), position=zero.copy(), commanded=(zero, zero))
         self.touch, self.hand = HandTouch(side, cast(Body, self.body)), LAYOUT.hand(side)
         self.run(BIAS_TICKS)
 

@@ -8,13 +8,11 @@ import pytest
 from preshape.control.touch import BIAS_TICKS, FROZEN_TICKS, TOUCH_NM, TOUCH_TICKS, TouchSense
 from preshape.hal.layout import HAND_DOF
 
-STILL = np.zeros(HAND_DOF)
-
 
 def sensed(torques: np.ndarray) -> TouchSense:
     sense = TouchSense()
     for torque in torques:
-        sense.update(STILL, torque)
+        sense.update(torque)
     return sense
 
 
@@ -46,12 +44,12 @@ def test_a_touch_is_kept_until_reset_which_takes_the_bias_anew() -> None:
     torques = np.zeros((BIAS_TICKS + TOUCH_TICKS, HAND_DOF))
     torques[BIAS_TICKS:] = 0.5
     sense = sensed(torques)
-    sense.update(STILL, STILL)
+    sense.update(np.zeros(HAND_DOF))
     assert sense.touching.all()
     sense.reset()
     assert not sense.touching.any()
     for torque in noisy(200, bias=0.5):
-        sense.update(STILL, torque)
+        sense.update(torque)
     assert not sense.touching.any()
 
 
@@ -61,5 +59,5 @@ def test_a_value_that_never_changes_is_a_dead_sensor_and_a_living_one_is_not() -
     assert not sensed(torques[:-1]).frozen.any()
     sense = sensed(torques)
     assert np.flatnonzero(sense.frozen).tolist() == [4]
-    sense.update(STILL, noisy(1, seed=9)[0])
+    sense.update(noisy(1, seed=9)[0])
     assert not sense.frozen.any()
