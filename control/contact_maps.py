@@ -50,7 +50,7 @@ class ContactMaps:
 
 
 def contact_maps(contacts: Contacts, friction: float) -> ContactMaps:
-    """Return the maps of a grip's contacts."""
+    """Return the maps of a grip's contacts with a Coulomb friction coefficient."""
     count = len(contacts.points)
     axes = np.array([(n, *square_to(n)) for n in contacts.normals])
     forces = np.zeros((count, 3, count, 3))

@@ -28,9 +28,9 @@ _NAMES = tuple(PARTS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contacts:
-    """Contacts of one hand on a box, in the box's frame.
+    """Contacts of one hand on an object, in one frame: the box's, or the preshaping box's of a planned grip.
 
-    `points` (n, 3), m; `normals` (n, 3) into the box; `jacobians` (n, 3, 13), velocity of the finger at the point
+    `points` (n, 3), m; `normals` (n, 3) into the object; `jacobians` (n, 3, 13), velocity of the finger at the point
     over joint speeds, m/rad; `parts`: which part of the hand touches there; `angles` (13): the closed hand, rad.
     """
 
