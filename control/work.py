@@ -181,10 +181,7 @@ class Work:
         raise TaskFailed(f"stalled: the {side} arm has met obstacles on {PATHS} paths")
 
     def _path(self, side: Side, q: Vector, exempt: tuple[tuple[str, str], ...], number: int) -> Matrix:
-        """Return way-points (n, 14) from where both arms are asked to be to a posture (7) of one; others by number.
-
-        Around obstacles the best of several: what is carried slides a little on every detour.
-        """
+        """Return way-points (n, 14) from where both arms are asked to be to a posture (7) of one; others by number."""
         goal = self.body.asked_arms()
         start = goal.copy()
         goal[_own(side)] = q
@@ -199,10 +196,16 @@ class Work:
         return path.waypoints
 
     def _best_path(self, side: Side, model: ArmCollision, start: Vector, goal: Vector, number: int) -> ArmPath:
-        margin = PATH_MARGIN_M if self.sight.held_by is None else CARRY_MARGIN_M
-        count = DETOURS if self.sight.obstacles else 1
-        queries = (PathQuery(margin_m=margin, seed=count * number + k) for k in range(count))
-        return min((plan_path(model, start, goal, query) for query in queries), key=lambda p: self._duration(side, p))
+        """Return a path; the quickest of several detours among obstacles, or with a box: it slides a little on each."""
+        carries = self.sight.held_by is not None
+        margin = CARRY_MARGIN_M if carries else PATH_MARGIN_M
+        count = DETOURS if carries or self.sight.obstacles else 1
+        queries = [PathQuery(margin_m=margin, seed=count * number + k) for k in range(count)]
+        first = plan_path(model, start, goal, queries[0])
+        if not first.by_chance:
+            return first
+        others = (plan_path(model, start, goal, query) for query in queries[1:])
+        return min((first, *others), key=lambda path: self._duration(side, path))
 
     def _duration(self, side: Side, path: ArmPath) -> float:
         """Return how long a path takes a hand that holds the box, s; for an empty hand its length, rad."""

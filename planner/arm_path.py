@@ -59,6 +59,11 @@ class ArmPath:
     bodies: tuple[str, str] = ("", "")
 
     @property
+    def by_chance(self) -> bool:
+        """Whether another seed would give another path: not if it is straight, or an end is not free."""
+        return self.status is PathStatus.NOT_FOUND or len(self.waypoints) > 2
+
+    @property
     def length(self) -> float:
         """Sum of the largest joint changes of all legs, rad."""
         if len(self.waypoints) < 2:

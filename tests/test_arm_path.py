@@ -151,6 +151,9 @@ def test_a_free_straight_path_is_taken() -> None:
     path = plan_path(model, HOME, _with_right(ABOVE_BOX))
     assert len(path.waypoints) == 2
     _assert_keeps_margin(model, path, HOME, _with_right(ABOVE_BOX))
+    other = plan_path(model, HOME, _with_right(ABOVE_BOX), PathQuery(seed=1))
+    assert not path.by_chance
+    assert np.array_equal(path.waypoints, other.waypoints)
 
 
 def test_a_path_leads_around_an_obstacle_and_leaves_the_other_arm_alone() -> None:
@@ -162,7 +165,8 @@ def test_a_path_leads_around_an_obstacle_and_leaves_the_other_arm_alone() -> Non
     model = ArmCollision(CELL, HANDS, obstacles=(wall,))
     assert not model.edge_free(start, goal, 0.0)
     path = plan_path(model, start, goal)
-    assert len(path.waypoints) > 2
+    other = plan_path(model, start, goal, PathQuery(seed=1))
+    assert path.by_chance and not np.array_equal(path.waypoints, other.waypoints)
     _assert_keeps_margin(model, path, start, goal)
     assert np.ptp(path.waypoints[:, 7:], axis=0).max() == 0.0
 
@@ -180,6 +184,7 @@ def test_blocked_ends_and_joints_outside_their_limits_are_named() -> None:
     model = ArmCollision(CELL, HANDS)
     into_table = _with_right(reach("right", BASES["right"], transform((0.5, -0.3, 0.15), rpy_matrix((np.pi, 0, 0)))).q)
     blocked = plan_path(model, HOME, into_table)
+    assert not blocked.by_chance
     assert blocked.status is PathStatus.GOAL_BLOCKED and blocked.bodies == ("right_hand", "table")
     assert plan_path(model, into_table, HOME).status is PathStatus.START_BLOCKED
     outside = HOME.copy()
