@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -16,6 +16,7 @@ from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
 from preshape.control.motions import Motion, follow_arms, gentle_seconds, wait
 from preshape.control.sight import Sight
+from preshape.control.swing import swing
 from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, log_so3, transform
@@ -35,8 +36,8 @@ PATH_MARGIN_M = 0.020
 """Clearance that paths keep otherwise, m."""
 PATHS = 4
 """How many paths are tried while obstacles appear on them."""
-DETOURS = 4
-"""How many paths around obstacles the best is chosen from."""
+DETOURS = 8
+"""How many paths the best is chosen from where the straight one is not free."""
 SPREAD_M = 0.015
 """How much larger obstacles are taken for paths: corners of the palms and the held box stick out of their shapes, m."""
 BRAKE_S = 0.4
@@ -196,23 +197,29 @@ class Work:
         return path.waypoints
 
     def _best_path(self, side: Side, model: ArmCollision, start: Vector, goal: Vector, number: int) -> ArmPath:
-        """Return a path; the quickest of several detours among obstacles, or with a box: it slides a little on each."""
-        carries = self.sight.held_by is not None
-        margin = CARRY_MARGIN_M if carries else PATH_MARGIN_M
-        count = DETOURS if carries or self.sight.obstacles else 1
+        """Return a path: among obstacles, or with the box in the hand, the one of several detours that costs least."""
+        margin = PATH_MARGIN_M if self.sight.held_by is None else CARRY_MARGIN_M
+        count = DETOURS if self.sight.held_by == side or self.sight.obstacles else 1
         queries = [PathQuery(margin_m=margin, seed=count * number + k) for k in range(count)]
         first = plan_path(model, start, goal, queries[0])
         if not first.by_chance:
             return first
         others = (plan_path(model, start, goal, query) for query in queries[1:])
-        return min((first, *others), key=lambda path: self._duration(side, path))
+        return min((first, *others), key=lambda path: self._cost(side, path))
 
-    def _duration(self, side: Side, path: ArmPath) -> float:
-        """Return how long a path takes a hand that holds the box, s; for an empty hand its length, rad."""
+    def _cost(self, side: Side, path: ArmPath) -> float:
+        """Return what a path costs: the grip of the hand that holds the box its `swing`, an empty hand its length."""
         if path.status is not PathStatus.FOUND:
             return np.inf
-        gentle = self._gentle(side, path.waypoints)
-        return path.length if gentle is None else sum(gentle)
+        if self.sight.held_by != side:
+            return path.length
+        return swing(np.concatenate([palms[:, :3, :3] for palms in self._palms(side, path.waypoints)]))
+
+    def _palms(self, side: Side, waypoints: Matrix) -> Iterator[Matrix]:
+        """Yield the palm's poses (n, 4, 4), world, along each leg between way-points (m, 14)."""
+        base = self.cell.X_world_base[side]
+        for a, b in pairwise(waypoints[:, _own(side)]):
+            yield np.array([palm_pose(side, base, a + u * (b - a)) for u in np.linspace(0.0, 1.0, 41)])
 
     def _follow(
         self, side: Side, waypoints: Matrix, speed: float, exempt: tuple[tuple[str, str], ...]
@@ -244,10 +251,8 @@ class Work:
             return None
         half = np.abs(self.box.size / 2 * np.eye(3)[self.box.long_axis])
         ends = [held.X_palm_box @ transform(p) for p in (-half, np.zeros(3), half)]
-        base = self.cell.X_world_base[side]
         times: list[float] = []
-        for a, b in pairwise(waypoints[:, _own(side)]):
-            palms = [palm_pose(side, base, a + u * (b - a)) for u in np.linspace(0.0, 1.0, 41)]
+        for palms in self._palms(side, waypoints):
             points = np.array([[(X @ end)[:3, 3] for end in ends] for X in palms])
             turn = float(sum(np.linalg.norm(log_so3(A[:3, :3].T @ B[:3, :3])) for A, B in pairwise(palms)))
             times.append(max(gentle_seconds(points, CARRY_ACCELERATION), 15.0 / 8.0 * turn / CARRY_TURN_SPEED))
