@@ -21,6 +21,8 @@ TOUCHING_M = 0.003
 
 Seen so in physics: under the brace grip the middle finger's proximal link comes to touch the box's edge.
 """
+INSIDE_M = 0.0002
+"""A finger that is brought this deep into the box before it closes is wedged there, m, and crushes it."""
 _SAMPLES = 41
 _STEP = 0.01
 _NAMES = tuple(PARTS)
@@ -104,7 +106,12 @@ class ClosedGrip:
             return float(self._near(finger, angles).clearance.min())
 
         start = float(self.angles[joint])
-        if clearance(start) <= 0.0:
+        inside = -clearance(start)
+        if inside > INSIDE_M:
+            raise ValueError(
+                f"{ACTUATED[joint]}: {finger} stands {1e3 * inside:.1f} mm inside the box before it closes"
+            )
+        if inside >= 0.0:
             return
         free = start
         while clearance(free + direction * _STEP) > 0.0:

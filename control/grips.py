@@ -39,8 +39,8 @@ BRACE_Y = 0.0155
 """How far towards the thumb's side the box's middle lies in a brace grip, m."""
 GRASP_WIDTHS = (0.070, 0.100)
 """Widths between finger and thumb faces that these grips suit, m."""
-CLAMP_WIDTHS = (0.052, 0.066)
-"""Widths between fore and ring finger that a cage suits, m."""
+CLAMP_WIDTHS = (0.052, 0.062)
+"""Widths between fore and ring finger that a cage suits, m: curled, these spread no further."""
 
 
 def _outward(finger: str) -> float:

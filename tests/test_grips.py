@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from preshape.control import grips
 from preshape.control.grip import Grip
 from preshape.control.grips import (
     BRACE_X,
@@ -142,6 +143,14 @@ def test_a_cage_refuses_what_fore_and_ring_do_not_clamp_and_a_brace_does_not_car
     with pytest.raises(ValueError, match="width between fore and ring finger"):
         cage_grip(size, "+z", "+y", "right")
     assert brace_grip(size, "+z", "+x", "left").name == "brace"
+
+
+def test_a_box_between_fingers_that_spread_no_further_is_refused_and_not_crushed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(grips, "CLAMP_WIDTHS", (0.05, 0.07))
+    with pytest.raises(ValueError, match=r"fore_abd: fore stands 1\.0 mm inside the box before it closes"):
+        cage_grip(np.array([0.065, 0.095, 0.22]), "+z", "+y", "right")
 
 
 def test_a_brace_refuses_an_opening_on_an_end_cap() -> None:
