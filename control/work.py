@@ -14,9 +14,9 @@ from preshape.control.failure import TaskFailed
 from preshape.control.grip import Grip
 from preshape.control.guard import ObstacleGuard
 from preshape.control.hand import Hand
+from preshape.control.hanging import hanging
 from preshape.control.motions import Motion, follow_arms, gentle_seconds, wait
 from preshape.control.sight import Sight
-from preshape.control.swing import swing
 from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse, log_so3, transform
@@ -38,6 +38,11 @@ PATHS = 4
 """How many paths are tried while obstacles appear on them."""
 DETOURS = 8
 """How many paths the best is chosen from where the straight one is not free."""
+HANGING_S = 10.0
+"""How much longer a way may take that does not bring the box to hang on the thumb of the hand that carries it, s.
+
+With friction 0.4 a box slid out of the hand where it hung so.
+"""
 SPREAD_M = 0.015
 """How much larger obstacles are taken for paths: corners of the palms and the held box stick out of their shapes, m."""
 BRAKE_S = 0.4
@@ -208,12 +213,14 @@ class Work:
         return min((first, *others), key=lambda path: self._cost(side, path))
 
     def _cost(self, side: Side, path: ArmPath) -> float:
-        """Return what a path costs: the grip of the hand that holds the box its `swing`, an empty hand its length."""
+        """Return what a path costs: an empty hand its length, rad; one with the box its time, s, more if it hangs."""
         if path.status is not PathStatus.FOUND:
             return np.inf
-        if self.sight.held_by != side:
+        gentle = self._gentle(side, path.waypoints)
+        if gentle is None:
             return path.length
-        return swing(np.concatenate([palms[:, :3, :3] for palms in self._palms(side, path.waypoints)]))
+        R = np.concatenate([palms[:, :3, :3] for palms in self._palms(side, path.waypoints)])
+        return sum(gentle) + HANGING_S * hanging(R)
 
     def _palms(self, side: Side, waypoints: Matrix) -> Iterator[Matrix]:
         """Yield the palm's poses (n, 4, 4), world, along each leg between way-points (m, 14)."""

@@ -257,23 +257,24 @@ def test_around_obstacles_the_shortest_of_several_paths_is_taken(monkeypatch: py
     np.testing.assert_allclose(waypoints[1], waypoints[0], err_msg="the third goes straight")
 
 
-def test_with_a_box_in_the_hand_the_path_that_turns_gravity_least_in_it_is_taken(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("first_hangs", [False, True])
+def test_with_a_box_in_the_hand_the_quickest_path_is_taken_on_which_it_does_not_hang_on_the_thumb(
+    monkeypatch: pytest.MonkeyPatch, first_hangs: bool
 ) -> None:
     world = World()
     work = ground(world)
-    X_palm_box = transform((0.0, 0.0, 0.2))
-    world.sight.X_world_box = world.body.palm("right") @ X_palm_box
+    world.sight.X_world_box = world.body.palm("right") @ transform((0.0, 0.0, 0.2))
     world.sight.held_by = "right"
-    start, wrist = work.body.asked_arm("right"), np.eye(7)[5]
-    tilts = 1.2 - 0.1 * np.arange(DETOURS)
+    start, sideways = work.body.asked_arm("right"), np.eye(7)[5]
 
     def planned(model: ArmCollision, start: Vector, goal: Vector, query: PathQuery) -> ArmPath:
         detour = start.copy()
-        detour[:7] += tilts[query.seed] * wrist
-        more = np.repeat(detour[None], query.seed, axis=0)
-        return ArmPath(PathStatus.FOUND, np.vstack([start, detour, more, goal]))
+        detour[:7] += (0.2 + 0.02 * query.seed) * sideways
+        return ArmPath(PathStatus.FOUND, np.vstack([start, detour, goal]))
 
+    hung = iter([float(first_hangs)] + [0.0] * (DETOURS - 1))
     monkeypatch.setattr(work_module, "plan_path", planned)
+    monkeypatch.setattr(work_module, "hanging", lambda R: next(hung))  # pyright: ignore[reportUnknownLambdaType]
     waypoints = work._path("right", start + 0.05, (), 0)  # pyright: ignore[reportPrivateUsage]
-    assert len(waypoints) == 2 + DETOURS, "the last, which tilts least, though it has most way-points"
+    taken = round(float((waypoints[1] - waypoints[0])[5] - 0.2) / 0.02)
+    assert taken == int(first_hangs)
