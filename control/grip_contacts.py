@@ -68,7 +68,7 @@ class ClosedGrip:
     """A grip's fingers moved to the box's surface one after another, as the grasp law moves them."""
 
     def __init__(self, grip: Grip, size: Matrix) -> None:
-        """Take a grip of a box of outer size (3,), m; `ValueError` names a finger that finds nothing to touch."""
+        """Take a grip of a box of outer size (3,), m; `ValueError` names a joint that finds nothing or is inside."""
         self._grip, self._half = grip, np.asarray(size, float) / 2
         self._kinematics = hand_kinematics(grip.side)
         self._axes = {finger: _axis_points(grip.side, finger) for finger in FINGERS}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -39,7 +39,7 @@ PATHS = 4
 DETOURS = 8
 """How many paths the best is chosen from where the straight one is not free."""
 HANGING_S = 10.0
-"""How much longer a way may take that does not bring the box to hang on the thumb of the hand that carries it, s.
+"""Time that it is worth not to bring the box to hang on the thumb of the hand that carries it, s.
 
 With friction 0.4 a box slid out of the hand where it hung so.
 """
@@ -216,11 +216,11 @@ class Work:
         """Return what a path costs: an empty hand its length, rad; one with the box its time, s, more if it hangs."""
         if path.status is not PathStatus.FOUND:
             return np.inf
-        gentle = self._gentle(side, path.waypoints)
-        if gentle is None:
+        held = self._held()
+        if held is None or held.side != side:
             return path.length
-        R = np.concatenate([palms[:, :3, :3] for palms in self._palms(side, path.waypoints)])
-        return sum(gentle) + HANGING_S * hanging(R)
+        legs = list(self._palms(side, path.waypoints))
+        return sum(self._gentle(held, legs)) + HANGING_S * hanging(np.concatenate(legs)[:, :3, :3])
 
     def _palms(self, side: Side, waypoints: Matrix) -> Iterator[Matrix]:
         """Yield the palm's poses (n, 4, 4), world, along each leg between way-points (m, 14)."""
@@ -232,7 +232,8 @@ class Work:
         self, side: Side, waypoints: Matrix, speed: float, exempt: tuple[tuple[str, str], ...]
     ) -> Generator[None, None, bool]:
         """Follow way-points (n, 14); return False, the arms asked to stop, when what has appeared lies on the rest."""
-        gentle = self._gentle(side, waypoints)
+        held = self._held()
+        gentle = self._gentle(held, self._palms(side, waypoints)) if held is not None and held.side == side else None
         seen = self.sight.obstacles
         for leg in range(len(waypoints) - 1):
             least_s = None if gentle is None else gentle[leg : leg + 1]
@@ -251,15 +252,12 @@ class Work:
         margin = min(PATH_MARGIN_M / 2, model.clearance(waypoints[0]).distance - ALLOWED_DIP)
         return all(model.edge_free(a, b, margin) for a, b in pairwise(waypoints))
 
-    def _gentle(self, side: Side, waypoints: Matrix) -> list[float] | None:
-        """Return the least time of each leg that spares the grip of a box in this hand; None when it holds none."""
-        held = self._held()
-        if held is None or held.side != side:
-            return None
+    def _gentle(self, held: HeldBox, legs: Iterable[Matrix]) -> list[float]:
+        """Return the least time, s, of each leg, given as palm poses (n, 4, 4), that spares the grip of a held box."""
         half = np.abs(self.box.size / 2 * np.eye(3)[self.box.long_axis])
         ends = [held.X_palm_box @ transform(p) for p in (-half, np.zeros(3), half)]
         times: list[float] = []
-        for palms in self._palms(side, waypoints):
+        for palms in legs:
             points = np.array([[(X @ end)[:3, 3] for end in ends] for X in palms])
             turn = float(sum(np.linalg.norm(log_so3(A[:3, :3].T @ B[:3, :3])) for A, B in pairwise(palms)))
             times.append(max(gentle_seconds(points, CARRY_ACCELERATION), 15.0 / 8.0 * turn / CARRY_TURN_SPEED))
