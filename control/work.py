@@ -249,8 +249,8 @@ class Work:
     def _keeps_clear(self, waypoints: Matrix, exempt: tuple[tuple[str, str], ...]) -> bool:
         """Tell whether way-points (n, 14) keep half a path's margin from everything, or what their start has of it."""
         model = self.collision(exempt)
-        margin = min(PATH_MARGIN_M / 2, model.clearance(waypoints[0]).distance - ALLOWED_DIP)
-        return all(model.edge_free(a, b, margin) for a, b in pairwise(waypoints))
+        margins = model.margins(PATH_MARGIN_M / 2, waypoints[:1], ALLOWED_DIP)
+        return all(model.edge_free(a, b, margins) for a, b in pairwise(waypoints))
 
     def _gentle(self, held: HeldBox, legs: Iterable[Matrix]) -> list[float]:
         """Return the least time, s, of each leg, given as palm poses (n, 4, 4), that spares the grip of a held box."""

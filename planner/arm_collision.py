@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ class _Tables(NamedTuple):
     X_world_box: Matrix
     half: Matrix
     box_pairs: NDArray[np.int64]
+    meeting: NDArray[np.int64]
 
 
 @compiled
@@ -66,56 +67,57 @@ def _beyond(a0: Matrix, a1: Matrix, center: Matrix, distance: float) -> bool:
 
 
 @compiled
-def least_clearance(tables: _Tables, q: Matrix, enough: float, stop_below: float) -> tuple[float, int, int]:
-    """Return (distance, capsule, other) of the nearest pair; other >= 0 a capsule, -1 - k box k.
+def least_slack(tables: _Tables, q: Matrix, margins: Matrix, enough: float, stop_below: float) -> tuple[float, int]:
+    """Return (slack, pair) of the pair whose distance is least beyond the margin (meetings,), m, of its two bodies.
 
-    Pairs farther apart than `enough` (m) are not looked at and give `enough`; the search ends at the
-    first pair nearer than `stop_below`.
+    Pairs are counted on from capsule pairs to pairs with boxes. Those with more slack than `enough` (m) are not looked
+    at and give (`enough`, -1); the search ends at the first pair that has less than `stop_below`.
     """
     count = tables.frame.shape[0]
     start, end = np.empty((count, 3)), np.empty((count, 3))
     _place(tables, q, start, end)
-    best, first, second = enough, -1, 0
+    best, nearest = enough, -1
     middle = np.empty(3)
     for n in range(tables.pairs.shape[0]):
         i, j = tables.pairs[n, 0], tables.pairs[n, 1]
-        radii = float(tables.radius[i] + tables.radius[j])
+        radii, margin = float(tables.radius[i] + tables.radius[j]), float(margins[tables.meeting[n]])
         length = 0.0
         for k in range(3):
             middle[k] = 0.5 * (start[j, k] + end[j, k])
             length += (end[j, k] - start[j, k]) ** 2
-        if _beyond(start[i], end[i], middle, best + radii + 0.5 * np.sqrt(length)):
+        if _beyond(start[i], end[i], middle, best + margin + radii + 0.5 * np.sqrt(length)):
             continue
-        distance = segment_distance(start[i], end[i], start[j], end[j]) - radii
-        if distance < best:
-            best, first, second = distance, i, j
+        slack = segment_distance(start[i], end[i], start[j], end[j]) - radii - margin
+        if slack < best:
+            best, nearest = slack, n
             if best < stop_below:
-                return best, first, second
+                return best, nearest
     for n in range(tables.box_pairs.shape[0]):
         i, k = tables.box_pairs[n, 0], tables.box_pairs[n, 1]
+        margin = float(margins[tables.meeting[tables.pairs.shape[0] + n]])
         X, half = tables.X_world_box[k], tables.half[k]
         middle[0], middle[1], middle[2] = X[0, 3], X[1, 3], X[2, 3]
         corner = np.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2)
-        if _beyond(start[i], end[i], middle, best + tables.radius[i] + corner):
+        if _beyond(start[i], end[i], middle, best + margin + tables.radius[i] + corner):
             continue
-        distance = segment_box_distance(start[i], end[i], X, half) - float(tables.radius[i])
-        if distance < best:
-            best, first, second = distance, i, -1 - k
+        slack = segment_box_distance(start[i], end[i], X, half) - float(tables.radius[i]) - margin
+        if slack < best:
+            best, nearest = slack, tables.pairs.shape[0] + n
             if best < stop_below:
-                return best, first, second
-    return best, first, second
+                return best, nearest
+    return best, nearest
 
 
 @compiled
-def edge_is_free(tables: _Tables, q_from: Matrix, q_to: Matrix, margin: float, step: float) -> bool:
-    """Return whether all of a straight joint path keeps the margin, sampled at most `step` rad apart (max-norm)."""
+def edge_keeps(tables: _Tables, q_from: Matrix, q_to: Matrix, margins: Matrix, step: float) -> bool:
+    """Return whether all of a straight joint path keeps the margins, sampled at most `step` rad apart (max-norm)."""
     largest = 0.0
     for i in range(q_from.shape[0]):
         largest = max(largest, abs(q_to[i] - q_from[i]))
     count = max(1, int(np.ceil(largest / step)))
     for k in range(count, -1, -1):
         q = q_from + (k / count) * (q_to - q_from)
-        if least_clearance(tables, q, margin, margin)[0] < margin:
+        if least_slack(tables, q, margins, 0.0, 0.0)[0] < 0.0:
             return False
     return True
 
@@ -162,6 +164,15 @@ class ArmCollision:
         self._bodies = [capsule.body for capsule in capsules]
         self._boxes = [box.name for box in boxes]
         excused = self._exemptions(exempt)
+        pairs = _index_pairs(capsule_pairs(capsules, excused))
+        with_boxes = _index_pairs(box_pairs(capsules, self._boxes, excused))
+        number = {name: number for number, name in enumerate(dict.fromkeys((*self._bodies, *self._boxes)))}
+        body = np.array([number[name] for name in self._bodies], dtype=np.int64)
+        box = np.array([number[name] for name in self._boxes], dtype=np.int64)
+        first = np.concatenate([body[pairs[:, 0]], body[with_boxes[:, 0]]])
+        second = np.concatenate([body[pairs[:, 1]], box[with_boxes[:, 1]]])
+        meetings, meeting = np.unique(first * len(number) + second, return_inverse=True)
+        self._touching = np.zeros(len(meetings))
         self.tables = _Tables(
             origins=link_origins(),
             bases=np.array([cell.X_world_base[side] for side in SIDES]),
@@ -170,10 +181,11 @@ class ArmCollision:
             start=np.array([capsule.start for capsule in capsules]),
             end=np.array([capsule.end for capsule in capsules]),
             radius=np.array([capsule.radius for capsule in capsules]),
-            pairs=_index_pairs(capsule_pairs(capsules, excused)),
+            pairs=pairs,
             X_world_box=np.array([box.X_world_box for box in boxes]).reshape(-1, 4, 4),
             half=np.array([box.half for box in boxes], dtype=float).reshape(-1, 3),
-            box_pairs=_index_pairs(box_pairs(capsules, self._boxes, excused)),
+            box_pairs=with_boxes,
+            meeting=meeting,
         )
 
     def _exemptions(self, exempt: Collection[tuple[str, str]]) -> frozenset[frozenset[str]]:
@@ -186,19 +198,35 @@ class ArmCollision:
 
     def clearance(self, q: ArrayLike) -> Clearance:
         """Return the least clearance at q (14), rad; distances beyond `FAR` come back as `FAR`."""
-        distance, first, second = least_clearance(self.tables, arms_vector(q), FAR, -np.inf)
-        if first < 0:
+        distance, pair = least_slack(self.tables, arms_vector(q), self._touching, FAR, -np.inf)
+        if pair < 0:
             return Clearance(distance, ("", ""))
-        other = self._bodies[second] if second >= 0 else self._boxes[-1 - second]
-        return Clearance(distance, (self._bodies[first], other))
+        if pair < len(self.tables.pairs):
+            first, second = self.tables.pairs[pair]
+            return Clearance(distance, (self._bodies[first], self._bodies[second]))
+        first, box = self.tables.box_pairs[pair - len(self.tables.pairs)]
+        return Clearance(distance, (self._bodies[first], self._boxes[box]))
 
     def is_free(self, q: ArrayLike, margin: float = 0.0) -> bool:
         """Return whether every pair is at least `margin` (m) apart at q (14)."""
-        return bool(least_clearance(self.tables, arms_vector(q), margin, margin)[0] >= margin)
+        return bool(least_slack(self.tables, arms_vector(q), self._touching, margin, margin)[0] >= margin)
 
-    def edge_free(self, q_from: ArrayLike, q_to: ArrayLike, margin: float, step: float = 0.05) -> bool:
-        """Return whether the straight joint path keeps the margin (m), sampled at most `step` rad apart."""
-        return bool(edge_is_free(self.tables, arms_vector(q_from), arms_vector(q_to), margin, step))
+    def margins(self, margin: float, ends: Iterable[ArrayLike] = (), dip: float = 0.0) -> Matrix:
+        """Return what each two bodies have to keep (meetings,), m: the margin, or their clearance at an end less `dip`.
+
+        Each two by themselves: a hand that stands near an obstacle does not let the box in it come near to the table.
+        """
+        cleared = np.full(len(self._touching), margin + dip)
+        for q in ends:
+            slack, pair = least_slack(self.tables, arms_vector(q), cleared, 0.0, -np.inf)
+            while pair >= 0:
+                cleared[self.tables.meeting[pair]] += slack
+                slack, pair = least_slack(self.tables, arms_vector(q), cleared, 0.0, -np.inf)
+        return np.minimum(margin, cleared - dip)
+
+    def edge_free(self, q_from: ArrayLike, q_to: ArrayLike, margins: Matrix, step: float = 0.05) -> bool:
+        """Return whether the straight joint path keeps `margins`, sampled at most `step` rad apart."""
+        return bool(edge_keeps(self.tables, arms_vector(q_from), arms_vector(q_to), margins, step))
 
 
 def arms_vector(q: ArrayLike) -> Matrix:

@@ -33,7 +33,7 @@ class PathQuery:
     """What counts as a path.
 
     Attributes:
-        margin_m: clearance to keep; where start or goal have less, the path keeps what they have, less 1 mm.
+        margin_m: clearance to keep; two bodies that have less at start or goal keep what they have, less 1 mm.
         step_rad: largest joint change between two checked samples.
         limit_margin_rad: via-points stay this far inside the joint limits.
         iterations: most samples the trees may draw.
@@ -51,7 +51,7 @@ class PathQuery:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmPath:
-    """A path as way-points (n, 14), rad, from start to goal, and the margin (m) that it keeps; bodies name a block."""
+    """A path as way-points (n, 14), rad, from start to goal, and the margin (m) that all keep; bodies name a block."""
 
     status: PathStatus
     waypoints: Matrix
@@ -98,29 +98,28 @@ def plan_path(model: ArmCollision, q_start: ArrayLike, q_goal: ArrayLike, query:
     lower, upper = arm_limits(0.0)
     if (np.minimum(start, goal) < lower - 1e-9).any() or (np.maximum(start, goal) > upper + 1e-9).any():
         return _none(PathStatus.OUTSIDE_LIMITS)
-    margin = query.margin_m
     for q, blocked in ((start, PathStatus.START_BLOCKED), (goal, PathStatus.GOAL_BLOCKED)):
         clearance = model.clearance(q)
         if clearance.distance < 0.0:
             return _none(blocked, clearance.bodies)
-        margin = min(margin, clearance.distance - ALLOWED_DIP)
-    waypoints = _search(model, start, goal, margin, query)
+    margins = model.margins(query.margin_m, (start, goal), ALLOWED_DIP)
+    waypoints = _search(model, start, goal, margins, query)
     if waypoints is None:
         return _none(PathStatus.NOT_FOUND)
-    return ArmPath(PathStatus.FOUND, waypoints, margin)
+    return ArmPath(PathStatus.FOUND, waypoints, float(margins.min(initial=query.margin_m)))
 
 
-def _search(model: ArmCollision, start: Matrix, goal: Matrix, margin: float, query: PathQuery) -> Matrix | None:
-    if model.edge_free(start, goal, margin, query.step_rad):
+def _search(model: ArmCollision, start: Matrix, goal: Matrix, margins: Matrix, query: PathQuery) -> Matrix | None:
+    if model.edge_free(start, goal, margins, query.step_rad):
         return np.array([start, goal])
     rng = np.random.default_rng(query.seed)
     moving = _moving_joints(start, goal)
     low, high = arm_limits(query.limit_margin_rad)
     low, high = np.minimum(low, np.minimum(start, goal)), np.maximum(high, np.maximum(start, goal))
-    found = _one_via(model, start, goal, margin, query, rng, moving)
+    found = _one_via(model, start, goal, margins, query, rng, moving)
     if found is None:
-        found = grow_trees(model, start, goal, moving, low, high, margin, query.step_rad, query.iterations, rng)
-    return None if found is None else _shorten(model, found, margin, query, rng)
+        found = grow_trees(model, start, goal, moving, low, high, margins, query.step_rad, query.iterations, rng)
+    return None if found is None else _shorten(model, found, margins, query, rng)
 
 
 def _moving_joints(start: Matrix, goal: Matrix) -> NDArray[np.int64]:
@@ -133,7 +132,7 @@ def _one_via(
     model: ArmCollision,
     start: Matrix,
     goal: Matrix,
-    margin: float,
+    margins: Matrix,
     query: PathQuery,
     rng: np.random.Generator,
     moving: NDArray[np.int64],
@@ -144,12 +143,12 @@ def _one_via(
         via = 0.5 * (start + goal)
         via[moving] += rng.uniform(-1.0, 1.0, len(moving)) * (0.3 + 0.05 * attempt)
         via[moving] = np.clip(via[moving], low[moving], high[moving])
-        if model.edge_free(start, via, margin, query.step_rad) and model.edge_free(via, goal, margin, query.step_rad):
+        if model.edge_free(start, via, margins, query.step_rad) and model.edge_free(via, goal, margins, query.step_rad):
             return np.array([start, via, goal])
     return None
 
 
-def _shorten(model: ArmCollision, path: Matrix, margin: float, query: PathQuery, rng: np.random.Generator) -> Matrix:
+def _shorten(model: ArmCollision, path: Matrix, margins: Matrix, query: PathQuery, rng: np.random.Generator) -> Matrix:
     """Return the path with random pairs of points on it joined directly where that is free and shorter."""
     for _ in range(query.shortcuts):
         if len(path) < 3:
@@ -157,7 +156,7 @@ def _shorten(model: ArmCollision, path: Matrix, margin: float, query: PathQuery,
         i, j = sorted(rng.choice(len(path) - 1, 2, replace=False))
         a = path[i] + rng.uniform() * (path[i + 1] - path[i])
         b = path[j] + rng.uniform() * (path[j + 1] - path[j])
-        if model.edge_free(a, b, margin, query.step_rad):
+        if model.edge_free(a, b, margins, query.step_rad):
             path = np.vstack([path[: i + 1], a, b, path[j + 1 :]])
             path = path[np.r_[True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-9]]
     return path

@@ -42,22 +42,22 @@ class _Tree:
         return points[::-1]
 
 
-def _extend(model: ArmCollision, tree: _Tree, near: int, q: Matrix, margin: float, step: float) -> tuple[int, bool]:
+def _extend(model: ArmCollision, tree: _Tree, near: int, q: Matrix, margins: Matrix, step: float) -> tuple[int, bool]:
     """Grow from a node towards q by at most `REACH_RAD`; return (node or -1 if blocked, whether q is reached)."""
     origin = tree.points[near]
     distance = float(np.abs(q - origin).max())
     reached = distance <= REACH_RAD
     target = q if reached else origin + (q - origin) * (REACH_RAD / distance)
-    if tree.full or not model.edge_free(origin, target, margin, step):
+    if tree.full or not model.edge_free(origin, target, margins, step):
         return -1, False
     return tree.add(target, near), reached
 
 
-def _connect(model: ArmCollision, tree: _Tree, q: Matrix, margin: float, step: float) -> tuple[int, bool]:
+def _connect(model: ArmCollision, tree: _Tree, q: Matrix, margins: Matrix, step: float) -> tuple[int, bool]:
     """Grow towards q until it is reached or the way is blocked; return the last node and whether q is reached."""
     node = tree.nearest(q)
     while True:
-        grown, reached = _extend(model, tree, node, q, margin, step)
+        grown, reached = _extend(model, tree, node, q, margins, step)
         if grown < 0:
             return node, False
         node = grown
@@ -72,7 +72,7 @@ def grow_trees(
     moving: NDArray[np.int64],
     lower: Matrix,
     upper: Matrix,
-    margin: float,
+    margins: Matrix,
     step: float,
     iterations: int,
     rng: np.random.Generator,
@@ -84,10 +84,10 @@ def grow_trees(
         growing, other = trees[iteration % 2], trees[1 - iteration % 2]
         q = start.copy()
         q[moving] = rng.uniform(lower[moving], upper[moving])
-        node, _ = _extend(model, growing, growing.nearest(q), q, margin, step)
+        node, _ = _extend(model, growing, growing.nearest(q), q, margins, step)
         if node < 0:
             continue
-        meeting, reached = _connect(model, other, growing.points[node], margin, step)
+        meeting, reached = _connect(model, other, growing.points[node], margins, step)
         if reached:
             halves = growing.branch(node), other.branch(meeting)[::-1]
             path = np.array(halves[0] + halves[1][1:])

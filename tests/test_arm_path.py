@@ -163,7 +163,7 @@ def test_a_path_leads_around_an_obstacle_and_leaves_the_other_arm_alone() -> Non
     middle = palm_pose("right", BASES["right"], (0.5 * (start + goal))[:7])
     wall = OrientedBox("wall", transform(middle[:3, 3] - [0, 0, 0.2]), np.array([0.05, 0.05, 0.3]))
     model = ArmCollision(CELL, HANDS, obstacles=(wall,))
-    assert not model.edge_free(start, goal, 0.0)
+    assert not model.edge_free(start, goal, model.margins(0.0))
     path = plan_path(model, start, goal)
     other = plan_path(model, start, goal, PathQuery(seed=1))
     assert path.by_chance and not np.array_equal(path.waypoints, other.waypoints)
@@ -203,6 +203,21 @@ def test_a_path_keeps_what_clearance_its_own_end_has() -> None:
     path = plan_path(model, HOME, goal)
     assert path.margin == pytest.approx(model.clearance(goal).distance - ALLOWED_DIP)
     _assert_keeps_margin(model, path, HOME, goal)
+
+
+def test_a_hand_that_stands_near_an_obstacle_does_not_let_the_box_in_it_come_near_to_the_table() -> None:
+    held = HeldBox("right", transform((0.0, 0.0, 0.22)), np.array([0.03, 0.045, 0.1]))
+    low, high = _with_right(_palm_down(0.34)), _with_right(_palm_down(0.50))
+    beside = palm_pose("right", BASES["right"], high[:7])[:3, 3] + [0.0, -0.15, 0.0]
+    model = ArmCollision(CELL, HANDS, held, (OrientedBox("post", transform(beside), np.array([0.02, 0.02, 0.02])),))
+    assert 0.0 < model.clearance(high).distance < 0.030 and model.clearance(high).bodies == ("right_hand", "post")
+    margins = model.margins(0.035, (high,), ALLOWED_DIP)
+    assert margins.min() == pytest.approx(model.clearance(high).distance - ALLOWED_DIP)
+    assert model.edge_free(high, high, margins)
+    alone = ArmCollision(CELL, HANDS, held)
+    assert 0.0 < alone.clearance(low).distance < 0.030 and alone.clearance(low).bodies == ("held", "table")
+    assert model.clearance(low).distance > margins.min(), "the least margin of all would let it go there"
+    assert not model.edge_free(high, low, margins)
 
 
 def _palm_down(z: float) -> np.ndarray:

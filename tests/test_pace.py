@@ -7,7 +7,7 @@ import time
 import pytest
 
 from preshape.hal.clock import MonotonicClock
-from preshape.sim_backend.real_pace import RealPace
+from preshape.sim_backend.real_pace import SLIP_NS, YIELD_S, RealPace
 from preshape.sim_backend.simulation import STEP_NS
 from preshape.tools.command_hand_bus import Options
 from preshape.tools.configuration_error import ConfigurationError
@@ -42,6 +42,18 @@ def test_a_scene_in_slow_motion_takes_its_steps_as_much_more_slowly() -> None:
     for step in range(1, 6):
         pace.wait(step * STEP_NS)
     assert time.monotonic() - began_s >= 5 * STEP_NS * 1e-9 / 0.1
+
+
+def test_a_late_scene_leaves_the_processor_to_others_and_stands_still_for_what_it_cannot_catch_up() -> None:
+    pace = RealPace()
+    pace.begin(0)
+    time.sleep(2e-9 * STEP_NS)
+    began_s = time.monotonic()
+    pace.wait(0)
+    assert time.monotonic() - began_s >= YIELD_S
+    time.sleep(2e-9 * SLIP_NS)
+    pace.wait(STEP_NS)
+    assert pace.slips >= 1 and pace.slipped_ns > SLIP_NS
 
 
 @pytest.mark.parametrize("pace", [0.0, -1.0])

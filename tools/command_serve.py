@@ -25,7 +25,7 @@ class Options(RemoteOptions):
         device: what is served, in real time: MuJoCo, or joint modules on CAN buses with MuJoCo behind them.
         rate_hz: states a second, and commands a second that the joints expect.
         interface, channel, profile: of the buses, as of `preshape run`.
-        patience_cycles: cycles without a command until the joints stop by themselves; 0: 5 of them, or 10 for MuJoCo.
+        patience_cycles: cycles without a command until the joints stop by themselves; 0: 5 of them, or 25 for MuJoCo.
         scenario: a scenario's TOML file, or the name of one that is shipped; the run must name the same.
         seed: what the scenario leaves to chance is drawn by this; default: the scenario's own seed.
         overrides: a scenario field to be set; may be given several times.

@@ -26,9 +26,9 @@ LONGEST_S = 3600.0
 """Longest time limit, s."""
 
 
-PATIENCE, STALLING_PATIENCE = 5, 10
+PATIENCE, STALLING_PATIENCE = 5, 25
 """Cycles that joints wait for a command: as the modules' firmware does, and on a machine whose cores are taken away
-for 10 to 17 ms now and then, as a virtual machine's are."""
+for 10 to 35 ms now and then, as a virtual machine's are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class RunOptions:
         channel: of the buses, one for each; one socketcan channel alone carries all of them.
         profile: frames of the buses: CAN FD, or classic CAN, which carries less.
         patience_cycles: cycles without a command until the joints stop by themselves, and without an answer until a
-            module counts as lost; 0: 5 of them, or 10 for MuJoCo in real time, where it is the machine that stalls.
+            module counts as lost; 0: 5 of them, or 25 for MuJoCo in real time, where it is the machine that stalls.
         attach: the modules and the scene are those of a running `preshape hand-bus`.
         remote: where that server is found.
         field: minimum distance per group (the paper), or every bounding box by itself (its baseline).
