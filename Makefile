@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-PACKAGES := .ci/packages linux.uml=user-mode-linux insmod=kmod ip=iproute2 candump=can-utils
+PACKAGES := .ci/packages linux.uml=user-mode-linux tcc=tcc insmod=kmod ip=iproute2 candump=can-utils
 
 .PHONY: run test vcan fast check lint clean
 

@@ -24,8 +24,11 @@ KERNEL = "linux.uml"
 """The guest's kernel; Debian's package user-mode-linux has it, and its modules below `MODULES`."""
 MODULES = Path("/usr/lib/uml/modules")
 CAN_MODULES = ("net/can/can", "net/can/can-raw", "drivers/net/can/dev/can-dev", "drivers/net/can/vcan")
-NEEDED = {KERNEL: "user-mode-linux", "insmod": "kmod", "ip": "iproute2"}
+COMPILER = "tcc"
+NEEDED = {KERNEL: "user-mode-linux", "insmod": "kmod", "ip": "iproute2", COMPILER: "tcc"}
 """Program -> the Debian package it comes in."""
+REGISTERS = Path(__file__).with_name("guest_registers.c")
+"""What the kernel preloads to run on every processor."""
 SYSTEM_PATH = "/usr/local/sbin:/usr/sbin:/sbin:/usr/local/bin:/usr/bin:/bin"
 
 MEMORY_MIB = 3072
@@ -111,12 +114,13 @@ def kernel_arguments(script: Path, console: int) -> list[str]:
 
 def _boot(script: Path, log: Path, time_limit_s: float, output: BinaryIO) -> bool:
     """Run a guest to its end; return whether it ended by itself."""
+    environment = _kernel_environment(script.parent)
     reading, writing = os.pipe()
     try:
         with log.open("wb") as words:
             guest = subprocess.Popen(
                 kernel_arguments(script, writing), stdin=subprocess.DEVNULL, stdout=words, stderr=words,
-                pass_fds=(writing,), env=_kernel_environment(script.parent), start_new_session=True,
+                pass_fds=(writing,), env=environment, start_new_session=True,
             )  # fmt: skip
     finally:
         os.close(writing)
@@ -157,7 +161,12 @@ def _kernel_environment(directory: Path) -> dict[str, str]:
     """Return the kernel's own environment: its memory is a file, in /dev/shm only where that is large enough."""
     room = shutil.disk_usage("/dev/shm").free if Path("/dev/shm").is_dir() else 0
     memory = "/dev/shm" if room > MEMORY_MIB << 20 else str(directory)
-    return {"PATH": _wide_path(), "HOME": str(directory), "TMPDIR": memory}
+    preloaded = directory / "registers.so"
+    compile_command = [COMPILER, "-shared", "-nostdlib", "-o", str(preloaded), str(REGISTERS)]
+    compiled = subprocess.run(compile_command, capture_output=True, text=True, env={"PATH": _wide_path()}, check=False)
+    if compiled.returncode != 0:
+        raise VcanUnavailable(f"no guest with CAN either: {shlex.join(compile_command)}: {compiled.stderr.strip()}")
+    return {"PATH": _wide_path(), "HOME": str(directory), "TMPDIR": memory, "LD_PRELOAD": str(preloaded)}
 
 
 def _wide_path() -> str:
