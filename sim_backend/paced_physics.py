@@ -27,7 +27,6 @@ from preshape.sim_backend.paced_layout import (
     ReportOpening,
     state_record,
 )
-from preshape.sim_backend.physics_core import physics_core
 from preshape.sim_backend.real_pace import RealPace
 from preshape.sim_backend.referee import Referee
 from preshape.sim_backend.referee_report import Verdict
@@ -122,12 +121,10 @@ def take_priority() -> None:
     """
     gc.collect()
     gc.freeze()
-    core = physics_core(os.sched_getaffinity(0))
-    if core is None:
+    if len(os.sched_getaffinity(0)) == 1:
         return
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-        os.sched_setaffinity(0, {core})
 
 
 class PacedPhysics:

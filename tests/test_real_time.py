@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+from collections.abc import Set
+from dataclasses import dataclass
 
 import pytest
 
-from preshape.sim_backend.physics_core import physics_core
+from preshape.tools import real_time
 from preshape.tools.real_time import (
-    LOOP_PRIORITY,
+    PHYSICS,
     PLANNING_NICENESS,
     THINKING_PRIORITY,
+    cores_apart,
     give_up_priority,
-    real_time,
     take_priority,
 )
 
@@ -22,45 +25,61 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
     """Return what was asked of the scheduler, which is not there in earnest."""
     asked: list[tuple[object, ...]] = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda thread, policy, parameters: asked.append((thread, policy)))
-    monkeypatch.setattr(os, "sched_setaffinity", lambda thread, cores: asked.append((thread, set(cores))))
     monkeypatch.setattr(os, "setpriority", lambda which, thread, niceness: asked.append((thread, niceness)))
     return asked
 
 
-def test_on_one_core_nobody_goes_first(asked: list[tuple[object, ...]]) -> None:
-    take_priority(THINKING_PRIORITY, 7, {0})
-    give_up_priority(7, {0})
+def test_on_one_core_nobody_goes_first(monkeypatch: pytest.MonkeyPatch, asked: list[tuple[object, ...]]) -> None:
+    monkeypatch.setattr(real_time, "CORES", frozenset({0}))
+    take_priority(THINKING_PRIORITY, 7)
+    give_up_priority(7)
     assert asked == []
 
 
-def test_a_thread_that_plans_shares_but_stays_ahead(asked: list[tuple[object, ...]]) -> None:
-    take_priority(THINKING_PRIORITY, 7, {0, 1})
-    give_up_priority(7, {0, 1})
-    assert asked == [(7, os.SCHED_FIFO), (7, {0}), (7, os.SCHED_OTHER), (7, {0, 1}), (7, PLANNING_NICENESS)]
+def test_a_thread_that_plans_shares_but_stays_ahead(
+    monkeypatch: pytest.MonkeyPatch, asked: list[tuple[object, ...]]
+) -> None:
+    monkeypatch.setattr(real_time, "CORES", frozenset({0, 1}))
+    take_priority(THINKING_PRIORITY, 7)
+    give_up_priority(7)
+    assert asked == [(7, os.SCHED_FIFO), (7, os.SCHED_OTHER), (7, PLANNING_NICENESS)]
     assert PLANNING_NICENESS < 0
-
-
-@pytest.mark.parametrize("cores", [{0, 1}, {2, 3, 7}, set(range(16))])
-def test_physics_and_loops_do_not_share_a_core(cores: set[int], asked: list[tuple[object, ...]]) -> None:
-    core = physics_core(cores)
-    take_priority(LOOP_PRIORITY, 0, cores)
-    ((_, loop),) = (entry for entry in asked if isinstance(entry[1], set))
-    assert core in cores and loop == cores - {core}
 
 
 def test_what_the_machine_refuses_is_done_without(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*arguments: object) -> None:
         raise PermissionError
 
+    monkeypatch.setattr(real_time, "CORES", frozenset({0, 1}))
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    monkeypatch.setattr(os, "sched_setaffinity", refuse)
     monkeypatch.setattr(os, "setpriority", refuse)
-    take_priority(THINKING_PRIORITY, 0, {0, 1})
-    give_up_priority(0, {0, 1})
+    take_priority(THINKING_PRIORITY)
+    give_up_priority(0)
 
 
-def test_after_real_time_a_thread_is_as_before() -> None:
-    before = os.sched_getscheduler(0), os.sched_getaffinity(0)
-    with real_time():
-        pass
-    assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
+@dataclass
+class _Child:
+    name: str
+    pid: int
+
+
+@pytest.mark.parametrize("cores", [{0, 1}, {2, 3, 7}, set(range(16))])
+def test_physics_and_the_loop_that_drives_it_do_not_share_a_core(
+    cores: Set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bound: list[tuple[int, Set[int]]] = []
+    monkeypatch.setattr(real_time, "CORES", frozenset(cores))
+    monkeypatch.setattr(os, "sched_setaffinity", lambda thread, on: bound.append((thread, set(on))))
+    monkeypatch.setattr(multiprocessing, "active_children", lambda: [_Child("camera", 6), _Child(PHYSICS, 7)])
+    with cores_apart():
+        (physics, has), (own, keeps) = bound
+        assert (physics, own) == (7, 0)
+        assert len(has) == 1 and keeps and has | keeps == cores and not has & keeps
+    assert bound[2:] == [(0, cores)]
+
+
+def test_without_physics_of_its_own_a_loop_is_not_bound() -> None:
+    before = os.sched_getaffinity(0)
+    with cores_apart():
+        assert os.sched_getaffinity(0) == before
+    assert os.sched_getaffinity(0) == before

@@ -73,7 +73,7 @@ def open_served_world(options: RemoteOptions, drawn: Scenario) -> Generator[Remo
     """
     root = Keys(options.robot).of(DEVICE_KEY)
     # What Zenoh starts inherits the priority.
-    with real_time(anywhere=True):
+    with real_time():
         session = open_session(client_settings(options.endpoint), options.zenoh_config)
     with session:
         line = RemoteLine(session, root)

@@ -32,7 +32,7 @@ from preshape.tools.feasibility import impossibility
 from preshape.tools.lift_plan import lift_drawing, lift_report
 from preshape.tools.patient import PATIENT_PERIODS, PatientController
 from preshape.tools.plan_drawing import PlanDrawing
-from preshape.tools.real_time import empty_lateness, real_time
+from preshape.tools.real_time import cores_apart, empty_lateness, real_time
 from preshape.tools.recorder import Recorder
 from preshape.tools.rehearsal import prepare_kernels
 from preshape.tools.report import PlanReport
@@ -203,7 +203,8 @@ def _run(course: Course, clock: Clock, paced: bool) -> None:
 def _run_paced(course: Course, clock: Clock) -> LoopResult:
     period_s = course.loop.period_ns * 1e-9 / (clock.pace if isinstance(clock, MonotonicClock) else 1.0)
     tick_s = 1.0 / course.loop.config.rate_hz
-    with PatientController(course.controller, PATIENT_PERIODS * period_s, tick_s) as patient, real_time():
+    patient = PatientController(course.controller, PATIENT_PERIODS * period_s, tick_s)
+    with cores_apart(), patient, real_time():
         course.empty = empty_lateness(clock, course.loop.period_ns, EMPTY_TICKS)
         course.start_s = clock.now_ns() * 1e-9
         try:
