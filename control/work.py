@@ -247,7 +247,7 @@ class Work:
         return True
 
     def _keeps_clear(self, waypoints: Matrix, exempt: tuple[tuple[str, str], ...]) -> bool:
-        """Tell whether way-points (n, 14) keep half a path's margin from everything, or what their start has of it."""
+        """Tell whether each two bodies keep half a path's margin, or what the start has, on way-points (n, 14)."""
         model = self.collision(exempt)
         margins = model.margins(PATH_MARGIN_M / 2, waypoints[:1], ALLOWED_DIP)
         return all(model.edge_free(a, b, margins) for a, b in pairwise(waypoints))

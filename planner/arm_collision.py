@@ -212,20 +212,19 @@ class ArmCollision:
         return bool(least_slack(self.tables, arms_vector(q), self._touching, margin, margin)[0] >= margin)
 
     def margins(self, margin: float, ends: Iterable[ArrayLike] = (), dip: float = 0.0) -> Matrix:
-        """Return what each two bodies have to keep (meetings,), m: the margin, or their clearance at an end less `dip`.
+        """Return what each two bodies have to keep (meetings,), m: min(margin, d(q) - dip) over the ends q (14).
 
         Each two by themselves: a hand that stands near an obstacle does not let the box in it come near to the table.
         """
         cleared = np.full(len(self._touching), margin + dip)
-        for q in ends:
-            slack, pair = least_slack(self.tables, arms_vector(q), cleared, 0.0, -np.inf)
-            while pair >= 0:
+        for q in map(arms_vector, ends):
+            while (nearest := least_slack(self.tables, q, cleared, 0.0, -np.inf))[1] >= 0:
+                slack, pair = nearest
                 cleared[self.tables.meeting[pair]] += slack
-                slack, pair = least_slack(self.tables, arms_vector(q), cleared, 0.0, -np.inf)
         return np.minimum(margin, cleared - dip)
 
     def edge_free(self, q_from: ArrayLike, q_to: ArrayLike, margins: Matrix, step: float = 0.05) -> bool:
-        """Return whether the straight joint path keeps `margins`, sampled at most `step` rad apart."""
+        """Return whether the straight joint path keeps `margins` (meetings,), m, sampled at most `step` rad apart."""
         return bool(edge_keeps(self.tables, arms_vector(q_from), arms_vector(q_to), margins, step))
 
 

@@ -22,6 +22,7 @@ from preshape.sim_backend.device import COMMAND_PERIOD_S, WATCHDOG_CYCLES, is_fi
 from preshape.sim_backend.paced_camera import run_camera
 from preshape.sim_backend.paced_layout import (
     COMMAND,
+    PHYSICS,
     Arm,
     Close,
     Finish,
@@ -230,7 +231,7 @@ class PacedWorld:
             self._children.append(child)
             return Line(here, name)
 
-        self._physics = start("physics", run_physics, (watchdog_cycles, period_s), (state, command))
+        self._physics = start(PHYSICS, run_physics, (watchdog_cycles, period_s), (state, command))
         self._camera = start("camera", run_camera, (), (state, pixels))
         try:
             self._physics.expect_ready()

@@ -14,6 +14,8 @@ from preshape.hal.world import Face
 from preshape.sim_backend.referee_report import Verdict
 from preshape.sim_backend.scenario import Scenario
 
+PHYSICS = "physics"
+"""Name of the process that steps a scene in real time."""
 COMMAND = np.dtype(
     [
         ("sequence", np.int64),

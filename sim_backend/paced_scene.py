@@ -16,7 +16,7 @@ from preshape.hal.state import Vector
 from preshape.sim_backend.bus_joints import BusWiring
 from preshape.sim_backend.paced import Line, PacedPerception, PacedReferee, end_children
 from preshape.sim_backend.paced_camera import run_camera
-from preshape.sim_backend.paced_layout import Describe, Described, Finish, Finished, state_record
+from preshape.sim_backend.paced_layout import PHYSICS, Describe, Described, Finish, Finished, state_record
 from preshape.sim_backend.paced_physics import run_bus_physics
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import build_scene, camera_model
@@ -88,7 +88,7 @@ class PacedScene:
 
     def _begin(self, scenario: Scenario, wiring: BusWiring) -> tuple[Line, Memory, Memory]:
         memory = shared_bytes(self._context, self._record)
-        line = self._start("physics", run_bus_physics, (scenario, wiring), (memory,))
+        line = self._start(PHYSICS, run_bus_physics, (scenario, wiring), (memory,))
         line.expect_ready()
         return line, memory, memory
 

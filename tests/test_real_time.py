@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import pytest
 
+from preshape.sim_backend.paced_layout import PHYSICS
 from preshape.tools import real_time
 from preshape.tools.real_time import (
-    PHYSICS,
     PLANNING_NICENESS,
     THINKING_PRIORITY,
     cores_apart,

@@ -10,12 +10,11 @@ from contextlib import contextmanager, suppress
 
 from preshape.control.timing import LoopTiming, Percentiles
 from preshape.hal.clock import Clock
+from preshape.sim_backend.paced_layout import PHYSICS
 
 LOOP_PRIORITY = 15
 """First-in-first-out priority of the loop's thread; the physics process has a higher one."""
 THINKING_PRIORITY = 10
-PHYSICS = "physics"
-"""Name of the process that steps a scene in real time."""
 PLANNING_NICENESS = -5
 """Of a thread that plans: it holds the interpreter's lock at times, and a loop that wants it waits for as long as
 another process keeps it from running. More of it takes the machine from what carries the loop's messages."""

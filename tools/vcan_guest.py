@@ -161,12 +161,18 @@ def _kernel_environment(directory: Path) -> dict[str, str]:
     """Return the kernel's own environment: its memory is a file, in /dev/shm only where that is large enough."""
     room = shutil.disk_usage("/dev/shm").free if Path("/dev/shm").is_dir() else 0
     memory = "/dev/shm" if room > MEMORY_MIB << 20 else str(directory)
-    preloaded = directory / "registers.so"
-    compile_command = [COMPILER, "-shared", "-nostdlib", "-o", str(preloaded), str(REGISTERS)]
-    compiled = subprocess.run(compile_command, capture_output=True, text=True, env={"PATH": _wide_path()}, check=False)
-    if compiled.returncode != 0:
-        raise VcanUnavailable(f"no guest with CAN either: {shlex.join(compile_command)}: {compiled.stderr.strip()}")
-    return {"PATH": _wide_path(), "HOME": str(directory), "TMPDIR": memory, "LD_PRELOAD": str(preloaded)}
+    preloaded = str(_compiled_registers(directory))
+    return {"PATH": _wide_path(), "HOME": str(directory), "TMPDIR": memory, "LD_PRELOAD": preloaded}
+
+
+def _compiled_registers(directory: Path) -> Path:
+    """Compile `REGISTERS` into a directory and return the library; `VcanUnavailable` if the compiler will not."""
+    library = directory / "registers.so"
+    command = [COMPILER, "-shared", "-nostdlib", "-o", str(library), str(REGISTERS)]
+    done = subprocess.run(command, capture_output=True, text=True, env={"PATH": _wide_path()}, check=False)
+    if done.returncode != 0:
+        raise VcanUnavailable(f"no guest with CAN either: {shlex.join(command)}: {done.stderr.strip()}")
+    return library
 
 
 def _wide_path() -> str:
