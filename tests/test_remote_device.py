@@ -138,6 +138,7 @@ def test_a_lost_state_is_counted(server: Served) -> None:
         assert until(lambda: device.read(now()) is not None and device.lost >= before + 2)
 
 
-def test_nobody_serving_is_said_in_one_line() -> None:
-    with pytest.raises(DeviceUnreachable, match="Zenoh session at tcp/127.0.0.1:1: "):
+def test_nobody_serving_is_said_in_one_line_with_what_to_do() -> None:
+    with pytest.raises(DeviceUnreachable, match="Zenoh session at tcp/127.0.0.1:1: .*; start .*preshape serve") as told:
         open_session(client_settings("tcp/127.0.0.1:1"))
+    assert "\n" not in str(told.value) and ".rs" not in str(told.value)

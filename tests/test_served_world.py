@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from served_device import served
@@ -14,6 +16,7 @@ from preshape.tools.configuration import load_scenario
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.remote_options import RemoteOptions
 from preshape.tools.remote_world import open_served_world
+from preshape.tools.run_options import RunOptions
 from preshape.tools.served_opening import opening_from, opening_to
 
 pytestmark = pytest.mark.physics
@@ -24,11 +27,14 @@ OPENING = Opening("+x", "+y", 0.004)
 def test_pose_obstacles_image_scene_and_verdict_come_over() -> None:
     drawn = load_scenario("tea_box_obstacle").drawn(3)
     with served("--scenario", "tea_box_obstacle", "--seed", "3") as server:
-        options = RemoteOptions(endpoint=server.endpoint)
+        options = RunOptions(device="zenoh", remote=RemoteOptions(endpoint=server.endpoint))
         with pytest.raises(ConfigurationError, match="got tea_box 0, served is tea_box_obstacle 3"):
-            with open_served_world(options, load_scenario("tea_box").drawn(0)):
+            with open_served_world(load_scenario("tea_box").drawn(0), options):
                 raise AssertionError("another world was taken")
-        with open_served_world(options, drawn) as world:
+        with pytest.raises(ConfigurationError, match="--rate-hz: got 250, served is 500"):
+            with open_served_world(drawn, replace(options, rate_hz=250)):
+                raise AssertionError("another rate was taken")
+        with open_served_world(drawn, options) as world:
             now = world.clock.now_ns
             assert until(lambda: world.perception.object_pose(now()) is not None)
             sample = world.perception.object_pose(now())

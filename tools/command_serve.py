@@ -83,7 +83,7 @@ def execute(options: Options) -> int:
         real_time(),
         open_session(robot_settings(options.endpoint, spoken), options.zenoh_config) as session,
     ):
-        server = DeviceServer(session, root, world, described(drawn), float(options.rate_hz), _say)
+        server = DeviceServer(session, root, world, described(drawn, options.rate_hz), float(options.rate_hz), _say)
         _say(f"serving {drawn.name}, seed {drawn.seed}, as {root} at {options.zenoh_config or options.endpoint}")
         try:
             server.run()

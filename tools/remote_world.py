@@ -23,8 +23,8 @@ from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene import camera_model
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.real_time import real_time
-from preshape.tools.remote_options import RemoteOptions
 from preshape.tools.run_ended import Ended
+from preshape.tools.run_options import RunOptions
 from preshape.tools.served_opening import opening_to
 from preshape.tools.telemetry_keys import Keys
 from preshape.tools.zenoh_session import client_settings, open_session
@@ -64,40 +64,43 @@ class RemoteWorld:
 
 
 @contextmanager
-def open_served_world(options: RemoteOptions, drawn: Scenario) -> Generator[RemoteWorld]:
+def open_served_world(drawn: Scenario, options: RunOptions) -> Generator[RemoteWorld]:
     """Give the world that a server holds, its device open; leaving closes it.
 
     Raises:
         DeviceUnreachable: nobody serves there, or somebody else is using it.
-        ConfigurationError: another world is served.
+        ConfigurationError: another world is served, or at another rate.
     """
-    root = Keys(options.robot).of(DEVICE_KEY)
+    remote = options.remote
+    root = Keys(remote.robot).of(DEVICE_KEY)
     # What Zenoh starts inherits the priority.
     with real_time():
-        session = open_session(client_settings(options.endpoint), options.zenoh_config)
+        session = open_session(client_settings(remote.endpoint), remote.zenoh_config)
     with session:
         line = RemoteLine(session, root)
         world = RemoteWorld(line, drawn)
         try:
             world.remote.open()
-            _check_world(world.remote.world, drawn)
+            _check_world(world.remote.world, drawn, options.rate_hz)
             yield world
         finally:
             world.remote.close()
             line.close()
 
 
-def described(drawn: Scenario) -> dict[str, Any]:
-    """Return a drawn scenario as JSON holds it."""
-    return msgspec.json.decode(msgspec.json.encode(drawn))
+def described(drawn: Scenario, rate_hz: int) -> dict[str, Any]:
+    """Return a drawn scenario and the states and commands a second as JSON holds them."""
+    return {"scenario": msgspec.json.decode(msgspec.json.encode(drawn)), "rate_hz": rate_hz}
 
 
-def _check_world(served: dict[str, Any] | None, drawn: Scenario) -> None:
-    """Compare the served world's description with the scenario of this run, both drawn."""
-    if served == described(drawn):
-        return
-    there = {"name": "none", "seed": "none"} if served is None else served
-    raise ConfigurationError(
-        f"--scenario, --seed: got {drawn.name} {drawn.seed}, served is {there['name']} {there['seed']} "
-        "(or one with other fields): serve and run the same"
-    )
+def _check_world(served: dict[str, Any] | None, drawn: Scenario, rate_hz: int) -> None:
+    """Compare the served world's description with this run's."""
+    here, there = described(drawn, rate_hz), served or {}
+    if here["scenario"] != there.get("scenario"):
+        scenario = there.get("scenario", {"name": "none", "seed": "none"})
+        raise ConfigurationError(
+            f"--scenario, --seed: got {drawn.name} {drawn.seed}, served is {scenario['name']} {scenario['seed']} "
+            "(or one with other fields): serve and run the same"
+        )
+    if rate_hz != there["rate_hz"]:
+        raise ConfigurationError(f"--rate-hz: got {rate_hz}, served is {there['rate_hz']}: serve and run the same")

@@ -132,7 +132,7 @@ def open_world(
                     run.clock = wire.over(run.clock, can_lockstep.rack)
                 yield run
     elif options.device == "zenoh":
-        with open_served_world(options.remote, drawn) as world:
+        with open_served_world(drawn, options) as world:
             yield world
     elif options.in_real_time:
         with PacedWorld(drawn, options.patience, period_s) as processes:

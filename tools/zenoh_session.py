@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,8 @@ DROP_US = 5_000
 """How long a state message waits for a full queue before it is dropped for that subscriber, us."""
 BLOCK_US = 200_000
 """How long an event waits for one subscriber that takes nothing before its connection is closed, us."""
+NOBODY_THERE = "start what is to be found there: `preshape serve`, or `preshape run --telemetry`"
+_IN_ZENOH = re.compile(r" at \S+\.rs:\d+\.?")
 
 
 def robot_settings(endpoint: str, spoken: Sequence[str]) -> dict[str, Any]:
@@ -90,8 +93,10 @@ def open_session(settings: Mapping[str, Any], file: str | Path | None = None) ->
         return zenoh.open(config)
     except zenoh.ZError as error:
         where = file or ", ".join([*settings["listen/endpoints"], *settings["connect/endpoints"]])
-        raise DeviceUnreachable(f"Zenoh session at {where}: {_first_line(error)}") from error
+        hint = "" if file or not settings["connect/endpoints"] else f"; {NOBODY_THERE}"
+        raise DeviceUnreachable(f"Zenoh session at {where}: {_first_line(error)}{hint}") from error
 
 
 def _first_line(error: Exception) -> str:
-    return str(error).partition("\n")[0]
+    """Return an error's first line without the place in Zenoh's own sources."""
+    return _IN_ZENOH.sub("", str(error).partition("\n")[0]).rstrip(".!")
