@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from dataclasses import dataclass
+from functools import partial
 
 import can
 import numpy as np
@@ -20,8 +20,9 @@ from preshape.hal.can.device import CanDevice
 from preshape.hal.can.identifiers import reply_id, request_id
 from preshape.hal.can.parameter_codec import Reply, decode_request, encode_reply
 from preshape.hal.can.state_codec import ModuleReport, StateCodec
-from preshape.hal.can.topology import TOPOLOGY, BusSpec, Group, Module, Topology
+from preshape.hal.can.topology import TOPOLOGY, BusSpec, Group, Module, Profile, Topology
 from preshape.hal.can.vocabulary import FIRMWARE_MAJOR, Answer, ModuleError, ModuleState, Parameter, WireMode
+from preshape.hal.can.wire import Wire
 from preshape.hal.layout import LAYOUT
 from preshape.hal.state import DeviceStatus, Mode, RobotCommand
 from preshape.tools.bench_table import Figures
@@ -33,28 +34,39 @@ PERIOD_NS = 2_000_000
 _NUMBERS = itertools.count()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+_Frame = tuple[int, bytes | bytearray]
+"""Identifier and payload."""
+
+
 class _Hand:
-    """The far end of one hand's bus, answering as its four modules would."""
+    """The far end of one hand's bus, answering as its four modules would, through a wire like theirs."""
 
-    group: Group
-    bus: can.BusABC
-    command: CommandCodec
-    states: tuple[tuple[Module, StateCodec], ...]
+    def __init__(self, group: Group, bus: can.BusABC, profile: Profile) -> None:
+        self.command = CommandCodec(group)
+        self.states = tuple((module, StateCodec(module, group)) for module in group.modules)
+        self.heard: list[_Frame] = []
+        spoken = [self.command.frame_id, *(request_id(module.node) for module in group.modules)]
+        self.wire = Wire(bus, profile, {frame_id: partial(self._hear, frame_id) for frame_id in spoken}, {})
 
-    def answer(self, message: can.Message) -> list[can.Message]:
-        """Return the frames that answer a frame of the driver's."""
-        if message.arbitration_id == self.command.frame_id:
-            command = self.command.decode(message.data)
+    def _hear(self, frame_id: int, payload: bytes | bytearray) -> None:
+        self.heard.append((frame_id, payload))
+
+    def answers(self) -> list[_Frame]:
+        """Return the frames that answer what has been heard, which is forgotten."""
+        heard, self.heard = self.heard, []
+        return [answer for frame_id, payload in heard for answer in self._answer(frame_id, payload)]
+
+    def _answer(self, frame_id: int, payload: bytes | bytearray) -> list[_Frame]:
+        if frame_id == self.command.frame_id:
+            command = self.command.decode(payload)
             assert command is not None
             taken = command.mode is not WireMode.POLL
-            return [
-                _frame(codec.frame_id, _state(module, codec, command.sequence, taken)) for module, codec in self.states
-            ]
-        return [answer for module, _ in self.states if (answer := _reply(module, message)) is not None]
+            return [(codec.frame_id, _state(module, codec, command.sequence, taken)) for module, codec in self.states]
+        return [_reply(module, payload) for module, _ in self.states if request_id(module.node) == frame_id]
 
 
-def _frame(frame_id: int, payload: bytearray) -> can.Message:
+def _message(frame: _Frame) -> can.Message:
+    frame_id, payload = frame
     return can.Message(arbitration_id=frame_id, is_extended_id=False, is_fd=True, bitrate_switch=True, data=payload)
 
 
@@ -65,15 +77,13 @@ def _state(module: Module, codec: StateCodec, sequence: int, taken: bool) -> byt
     return codec.encode(ModuleReport(sequence, armed, ModuleError.NONE, taken, 30, middle, nothing, nothing))
 
 
-def _reply(module: Module, message: can.Message) -> can.Message | None:
+def _reply(module: Module, payload: bytes | bytearray) -> _Frame:
     """Return the answer to a parameter request: every order is carried out."""
-    if message.arbitration_id != request_id(module.node):
-        return None
-    request = decode_request(message.arbitration_id, message.data)
+    request = decode_request(request_id(module.node), payload)
     assert request is not None
     value = FIRMWARE_MAJOR << 16 if request.parameter is Parameter.FIRMWARE else request.value
     reply = Reply(Answer.DONE, request.parameter, request.tag, request.joint, value, 1)
-    return _frame(reply_id(module.node), encode_reply(reply_id(module.node), reply))
+    return reply_id(module.node), encode_reply(reply_id(module.node), reply)
 
 
 class _Bench:
@@ -85,15 +95,13 @@ class _Bench:
         self.hands = [self._hand(bus) for bus in hands.buses]
         self.device = CanDevice(hands, self._open)
         self.now_ns = 0
-        self.frames: list[can.Message] = []
+        self.frames: list[_Frame] = []
 
     def _open(self, spec: BusSpec, identifiers: list[int]) -> can.BusABC:
         return open_bus(self.addresses[spec.name], spec.profile)
 
     def _hand(self, spec: BusSpec) -> _Hand:
-        group = spec.groups[0]
-        states = tuple((module, StateCodec(module, group)) for module in group.modules)
-        return _Hand(group, open_bus(self.addresses[spec.name], spec.profile), CommandCodec(group), states)
+        return _Hand(spec.groups[0], open_bus(self.addresses[spec.name], spec.profile), spec.profile)
 
     def arm(self) -> None:
         """Bring the driver to ARMED, with nothing left on the buses."""
@@ -105,9 +113,9 @@ class _Bench:
             if turn == 2:
                 self.device.arm(self.now_ns)
             for hand in self.hands:
-                while (message := hand.bus.recv(0.0)) is not None:
-                    for answer in hand.answer(message):
-                        hand.bus.send(answer)
+                hand.wire.drain()
+                for frame_id, payload in hand.answers():
+                    hand.wire.send(frame_id, payload)
             if status is DeviceStatus.ARMED:
                 return
         raise RuntimeError(f"bench: the driver is {status.name}, allowed is ARMED")
@@ -118,33 +126,36 @@ class _Bench:
         self.now_ns += PERIOD_NS
         start = clock()
         taken = self.device.write(command, self.now_ns)
-        received = [hand.bus.recv(0.0) for hand in self.hands]
+        for hand in self.hands:
+            hand.wire.drain()
         spent = clock() - start
         assert taken
-        answers = [hand.answer(message) for hand, message in zip(self.hands, received, strict=True) if message]
+        commands = [frame for hand in self.hands for frame in hand.heard]
+        answers = [hand.answers() for hand in self.hands]
         start = clock()
         for hand, frames in zip(self.hands, answers, strict=True):
-            for frame in frames:
-                hand.bus.send(frame)
+            for frame_id, payload in frames:
+                hand.wire.send(frame_id, payload)
         state = self.device.read(self.now_ns + PERIOD_NS)
         spent += clock() - start
         assert state.sequence == command.sequence
-        self.frames = [message for message in received if message] + [frame for frames in answers for frame in frames]
+        self.frames = commands + [frame for frames in answers for frame in frames]
         return spent * 1e-3
 
     def close(self) -> None:
         """Close both ends."""
         self.device.close()
         for hand in self.hands:
-            hand.bus.shutdown()
+            hand.wire.close()
 
 
-def _bare_us(near: can.BusABC, far: can.BusABC, frames: list[can.Message]) -> float:
+def _bare_us(near: can.BusABC, far: can.BusABC, frames: list[_Frame]) -> float:
     """Return what python-can alone needs to send and receive the frames, us."""
+    messages = [_message(frame) for frame in frames]
     start = time.perf_counter_ns()
-    for frame in frames:
-        near.send(frame)
-    for _ in frames:
+    for message in messages:
+        near.send(message)
+    for _ in messages:
         far.recv(0.0)
     return (time.perf_counter_ns() - start) * 1e-3
 
