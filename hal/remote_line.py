@@ -67,7 +67,7 @@ class RemoteLine:
             self._commands.put(payload)
 
     def tell(self, call: str, reason: str = "", arguments: Mapping[str, Any] | None = None) -> None:
-        """Ask without waiting for the answer. What is told and asked arrives in that order, and so do commands."""
+        """Ask without waiting for the answer. What is told and asked is done in that order."""
         if self.gone.is_set():
             return
         question = self._question(reason, arguments or {})

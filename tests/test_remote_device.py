@@ -127,6 +127,26 @@ def test_a_stopped_server_stops_the_gate_by_the_age_of_its_states(server: Served
         assert not gate.armed and gate.reason.startswith("stale state: ")
 
 
+def test_what_is_told_first_is_done_first(server: Served) -> None:
+    with server.session() as session:
+        line = RemoteLine(session, ROOT)
+        epoch = line.ask("open").epoch
+        for _ in range(100):
+            # Each of the two begins a new epoch.
+            line.tell("stop", "a test")
+            epoch, before = line.ask("open").epoch, epoch
+            assert epoch == before + 2
+        line.close()
+
+
+def test_a_call_that_does_not_exist_is_refused_by_its_name(server: Served) -> None:
+    with server.session() as session:
+        line = RemoteLine(session, ROOT)
+        with pytest.raises(RuntimeError, match="dance: no such call, allowed are open, arm, stop"):
+            line.ask("dance")
+        line.close()
+
+
 def test_a_lost_state_is_counted(server: Served) -> None:
     with server.session() as session:
         line = RemoteLine(session, ROOT)

@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -72,7 +71,8 @@ class DeviceServer:
         }
         self._declared: list[Any] = [
             session.declare_subscriber(f"{root}/command", self._on_command),
-            *(session.declare_queryable(f"{root}/call/{call}", partial(self._on_question, call)) for call in CALLS),
+            # One for all calls: each queryable has a thread of its own, and what is told first must be done first.
+            session.declare_queryable(f"{root}/call/*", self._on_question),
             session.liveliness().declare_subscriber(f"{root}/client/*", self._on_life),
             session.liveliness().declare_token(f"{root}/alive"),
         ]
@@ -154,7 +154,9 @@ class DeviceServer:
             self._reply(query, Reply(refused=f"{call}: {error}"))
             return
         own = question.client == self._client
-        if call == "stop":
+        if call not in CALLS:
+            self._reply(query, Reply(refused=f"{call}: no such call, allowed are {', '.join(CALLS)}"))
+        elif call == "stop":
             self._stop(question.reason or "no reason given")
             self._reply(query, Reply(epoch=self._epoch))
         elif call == "open":
@@ -248,8 +250,8 @@ class DeviceServer:
     def _on_command(self, sample: zenoh.Sample) -> None:
         self._inbox.put(_Arrived("command", sample.payload.to_bytes()))
 
-    def _on_question(self, call: str, query: zenoh.Query) -> None:
-        self._inbox.put(_Arrived(call, payload_of(query), query))
+    def _on_question(self, query: zenoh.Query) -> None:
+        self._inbox.put(_Arrived(str(query.key_expr).rpartition("/")[2], payload_of(query), query))
 
     def _on_life(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
