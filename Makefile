@@ -12,7 +12,7 @@ run: .venv/ready
 # The bus tests run on a real vcan: in a guest (user-mode Linux) where this kernel has none, watched by candump.
 test: .venv/ready
 	$(PACKAGES)
-	$(BIN)/pytest -q --numprocesses auto --dist loadfile -m "not guest"
+	$(BIN)/pytest -q --numprocesses auto --dist loadfile --no-loadscope-reorder -m "not guest"
 
 # The first grasp on a real vcan: minutes, and alone, for it goes by the machine's clock.
 vcan: .venv/ready
