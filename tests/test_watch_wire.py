@@ -10,6 +10,7 @@ import can
 import pytest
 from wire_script import PERIOD_S, WireScript, frame
 
+from preshape.hal.layout import LAYOUT
 from preshape.tools.watch_wire import frames_of_bus, frames_of_log, main, watch
 from preshape.tools.wire_monitor import WireMonitor, WireVerdict
 
@@ -65,6 +66,20 @@ def test_a_log_gives_the_verdict_of_the_wire_it_was_written_from(log: Path) -> N
     from_log, direct = (watch(WireMonitor(PERIOD_S), source) for source in (frames_of_log(log), frames))
     assert _facts(from_log) == _facts(direct)
     assert from_log.broken["torque limit"] > 0
+
+
+def test_slow_motion_is_judged_in_the_modules_time() -> None:
+    script = WireScript()
+    script.monitor = recorder = _Recorder()
+    script.begin()
+    script.torque["right_fore_flex"] = 1.3 * float(LAYOUT.torque[LAYOUT.index("right_fore_flex")])
+    script.cycles(4)
+    script.torque["right_fore_flex"] = 0.0
+    script.cycles(4)
+    for message in recorder.kept:
+        message.timestamp *= 5.0
+    assert "torque" in watch(WireMonitor(PERIOD_S), recorder.kept).broken
+    assert not watch(WireMonitor(PERIOD_S), recorder.kept, pace=0.2).broken
 
 
 def _facts(verdict: WireVerdict) -> tuple[object, ...]:

@@ -22,10 +22,14 @@ from preshape.tools.wire_rules import STOP_CYCLES
 POLL_S = 0.1
 
 
-def watch(monitor: WireMonitor, frames: Iterable[can.Message]) -> WireVerdict:
-    """Tell the monitor of frames, with the time and the channel that each has; return its verdict."""
+def watch(monitor: WireMonitor, frames: Iterable[can.Message], pace: float = 1.0) -> WireVerdict:
+    """Tell the monitor of frames, with the time and the channel that each has; return its verdict.
+
+    `pace`: seconds of the modules in each of the frames' times, as of `preshape hand-bus --pace`.
+    """
     for frame in frames:
-        monitor.take(frame.timestamp, frame.arbitration_id, bytes(frame.data), frame.channel, frame.is_error_frame)
+        time_s, data = frame.timestamp * pace, bytes(frame.data)
+        monitor.take(time_s, frame.arbitration_id, data, frame.channel, frame.is_error_frame)
     return monitor.verdict()
 
 
@@ -75,16 +79,18 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument(
         "--patience-cycles", type=int, default=STOP_CYCLES, help="periods without a command; default: %(default)s"
     )
+    parser.add_argument("--pace", type=float, default=1.0, help="seconds of the modules in each; default: %(default)g")
     options = parser.parse_args(arguments)
-    if not options.period_ms > 0.0 or not options.seconds > 0.0:
-        parser.error(f"got --period-ms {options.period_ms:g}, --seconds {options.seconds:g}, allowed is > 0")
+    for option in ("period_ms", "seconds", "pace"):
+        if not getattr(options, option) > 0.0:
+            parser.error(f"--{option.replace('_', '-')}: got {getattr(options, option):g}, allowed is > 0")
     monitor = WireMonitor(options.period_ms * 1e-3, patience_cycles=options.patience_cycles)
     try:
         if options.log is not None:
-            verdict = watch(monitor, frames_of_log(options.log))
+            verdict = watch(monitor, frames_of_log(options.log), options.pace)
         else:
             with can.Bus(options.channel, interface=options.interface, fd=True) as bus:
-                verdict = watch(monitor, frames_of_bus(bus, options.seconds))
+                verdict = watch(monitor, frames_of_bus(bus, options.seconds), options.pace)
     except (OSError, ValueError, can.CanError) as error:
         print(f"watch_wire: {error}", file=sys.stderr)
         sys.exit(ExitCode.UNREACHABLE)
