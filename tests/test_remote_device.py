@@ -20,6 +20,7 @@ from zenoh_robot import until
 from preshape.hal.clock import MonotonicClock
 from preshape.hal.device import DeviceUnreachable
 from preshape.hal.gate import SafetyGate
+from preshape.hal.gate_config import GateConfig
 from preshape.hal.layout import LAYOUT
 from preshape.hal.remote_device import RemoteDevice
 from preshape.hal.remote_line import RemoteLine
@@ -99,7 +100,8 @@ def test_a_killed_client_leaves_the_joints_stopped_and_free_for_the_next(server:
 
 def test_a_killed_server_is_a_fault_with_a_name_and_stops_the_gate(server: Served) -> None:
     with server.session() as session:
-        device, gate = opened(session), SafetyGate()
+        # The loss alone is to stop it, however slow this machine is.
+        device, gate = opened(session), SafetyGate(GateConfig(watchdog_s=10.0, stop_age_s=10.0))
         Rig(device, MonotonicClock()).arm()
         assert gate.arm(now(), device.read(now()))
         server.signal(signal.SIGKILL)
@@ -115,7 +117,7 @@ def test_a_killed_server_is_a_fault_with_a_name_and_stops_the_gate(server: Serve
 
 def test_a_stopped_server_stops_the_gate_by_the_age_of_its_states(server: Served) -> None:
     with server.session() as session:
-        device, gate = opened(session), SafetyGate()
+        device, gate = opened(session), SafetyGate(GateConfig(watchdog_s=10.0))
         Rig(device, MonotonicClock()).arm()
         assert gate.arm(now(), device.read(now()))
         server.signal(signal.SIGSTOP)
