@@ -102,5 +102,6 @@ def _check_world(served: dict[str, Any] | None, drawn: Scenario, rate_hz: int) -
             f"--scenario, --seed: got {drawn.name} {drawn.seed}, served is {scenario['name']} {scenario['seed']} "
             "(or one with other fields): serve and run the same"
         )
-    if rate_hz != there["rate_hz"]:
-        raise ConfigurationError(f"--rate-hz: got {rate_hz}, served is {there['rate_hz']}: serve and run the same")
+    served_hz = there.get("rate_hz")
+    if rate_hz != served_hz:
+        raise ConfigurationError(f"--rate-hz: got {rate_hz}, served is {served_hz}: serve and run the same")
