@@ -15,4 +15,6 @@ _LONG = ("slow", "physics", "bus")
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put long tests first, the longest kind before all: at the end of a run no worker waits long for another."""
-    items.sort(key=lambda item: next((rank for rank, mark in enumerate(_LONG) if item.get_closest_marker(mark)), 9))
+    items.sort(
+        key=lambda item: next((rank for rank, mark in enumerate(_LONG) if item.get_closest_marker(mark)), len(_LONG))
+    )

@@ -25,7 +25,8 @@ POLL_S = 0.1
 def watch(monitor: WireMonitor, frames: Iterable[can.Message], pace: float = 1.0) -> WireVerdict:
     """Tell the monitor of frames, with the time and the channel that each has; return its verdict.
 
-    `pace`: seconds of the modules in each of the frames' times, as of `preshape hand-bus --pace`.
+    `pace`: seconds of the modules in each second of the frames' times, as of `preshape hand-bus --pace`; violations
+    are told by the modules' time, the frames' times `pace`.
     """
     for frame in frames:
         time_s, data = frame.timestamp * pace, bytes(frame.data)
@@ -79,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument(
         "--patience-cycles", type=int, default=STOP_CYCLES, help="periods without a command; default: %(default)s"
     )
-    parser.add_argument("--pace", type=float, default=1.0, help="seconds of the modules in each; default: %(default)g")
+    parser.add_argument("--pace", type=float, default=1.0, help="seconds of the modules in each of the log's")
     options = parser.parse_args(arguments)
     for option in ("period_ms", "seconds", "pace"):
         if not getattr(options, option) > 0.0:

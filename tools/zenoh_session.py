@@ -33,7 +33,7 @@ DROP_US = 5_000
 """How long a state message waits for a full queue before it is dropped for that subscriber, us."""
 BLOCK_US = 200_000
 """How long an event waits for one subscriber that takes nothing before its connection is closed, us."""
-NOBODY_THERE = "start what is to be found there: `preshape serve`, or `preshape run --telemetry`"
+_NOBODY_THERE = "start what is to be found there: `preshape serve`, or `preshape run --telemetry`"
 _IN_ZENOH = re.compile(r" at \S+\.rs:\d+\.?")
 
 
@@ -93,7 +93,7 @@ def open_session(settings: Mapping[str, Any], file: str | Path | None = None) ->
         return zenoh.open(config)
     except zenoh.ZError as error:
         where = file or ", ".join([*settings["listen/endpoints"], *settings["connect/endpoints"]])
-        hint = "" if file or not settings["connect/endpoints"] else f"; {NOBODY_THERE}"
+        hint = "" if file or not settings["connect/endpoints"] else f"; {_NOBODY_THERE}"
         raise DeviceUnreachable(f"Zenoh session at {where}: {_first_line(error)}{hint}") from error
 
 
