@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from preshape.planner.component import surviving
@@ -14,10 +13,10 @@ AFTER = -1
 
 
 class GraspSpan(NamedTuple):
-    """One grasp: its hand, its first and last task, the patches free of given areas, the components allowed."""
+    """One grasp: its first task, its hand, its last task, the patches free of given areas, the components allowed."""
 
-    hand: int
     first: int
+    hand: int
     last: int
     free: int
     allowed: int
@@ -85,60 +84,62 @@ class Subtrees:
 
 
 class GraspForest:
-    """Grasps that share tasks. They form a forest, so every choice of who goes first in each pair is an order."""
+    """Grasps that share tasks. They form a forest, so every choice of who goes first in each pair is an order.
+
+    In order of time each grasp hangs on the one that the other hand has when it begins, if there is one: whoever it
+    meets besides begins later, and hangs on it.
+    """
 
     def __init__(self, spans: tuple[GraspSpan, ...], subtrees: Subtrees | None = None) -> None:
-        """Find out who meets whom; forests of one search share their `subtrees`."""
+        """Find out who hangs on whom; forests of one search share their `subtrees`."""
         self._spans = spans
         self._subtrees = Subtrees() if subtrees is None else subtrees
-        self._meets: list[list[int]] = [[] for _ in spans]
-        for i, (hand, first, last, _, _) in enumerate(spans):
-            for j in range(i):
-                other = spans[j]
-                if hand != other.hand and first <= other.last and other.first <= last:
-                    self._meets[i].append(j)
-                    self._meets[j].append(i)
+        self._by_time = sorted(range(len(spans)), key=spans.__getitem__)
+        self._children: list[list[int]] = [[] for _ in spans]
+        self._roots: list[int] = []
+        newest = [-1, -1]
+        for index in self._by_time:
+            first, hand = spans[index][:2]
+            other = newest[1 - hand]
+            hangs = other >= 0 and spans[other].last >= first
+            (self._children[other] if hangs else self._roots).append(index)
+            newest[hand] = index
+
+    def complete(self) -> bool:
+        """Return whether some order leaves each grasp a component."""
+        for span in self._spans:
+            if not surviving(span.free) & span.allowed:
+                return False
+        numbers = self._numbers()
+        return all([self._subtrees.regions(numbers[root], 0) for root in self._roots])
 
     def order(self) -> tuple[int, ...] | None:
         """Return an order of the grasps, highest priority first, that leaves each a component; None if none does."""
-        if not all([surviving(span.free) & span.allowed for span in self._spans]):
+        if not self.complete():
             return None
-        order: list[int] = []
-        for root in self._roots():
-            regions = self._subtrees.regions(self._subtree(root, -1), 0)
-            if not regions:
-                return None
-            order += self._ordered(root, -1, 0, next(iter(regions)))
+        numbers, order = self._numbers(), list[int]()
+        for root in self._roots:
+            order += self._ordered(numbers, root, 0, next(iter(self._subtrees.regions(numbers[root], 0))))
         return tuple(order)
 
-    def _roots(self) -> Iterator[int]:
-        """Yield one of the grasps that hang together, tree by tree."""
-        seen = set[int]()
-        for root, meets in enumerate(self._meets):
-            if root not in seen:
-                tree = [root]
-                for index in tree if meets else ():
-                    tree += [other for other in self._meets[index] if other not in tree]
-                seen.update(tree)
-                yield root
+    def _numbers(self) -> list[int]:
+        """Return the number of the subtree of each grasp."""
+        numbers = [-1] * len(self._spans)
+        for index in reversed(self._by_time):
+            span = self._spans[index]
+            below = tuple([numbers[child] for child in self._children[index]])
+            numbers[index] = self._subtrees.number(span.free, span.allowed, below)
+        return numbers
 
-    def _children(self, index: int, parent: int) -> list[int]:
-        return [child for child in self._meets[index] if child != parent]
-
-    def _subtree(self, index: int, parent: int) -> int:
-        free, allowed = self._spans[index][3:]
-        children = [self._subtree(child, index) for child in self._children(index, parent)]
-        return self._subtrees.number(free, allowed, tuple(children))
-
-    def _ordered(self, index: int, parent: int, taken: int, region: int) -> list[int]:
+    def _ordered(self, numbers: list[int], index: int, taken: int, region: int) -> list[int]:
         """Return an order of a subtree in which its root has a region that it can have."""
-        children, recipe = self._children(index, parent), self._subtrees.regions(self._subtree(index, parent), taken)
+        recipe = self._subtrees.regions(numbers[index], taken)[region]
         before: list[int] = []
         after: list[int] = []
-        for child, mask in zip(children, recipe[region], strict=True):
+        for child, mask in zip(self._children[index], recipe, strict=True):
             if mask != AFTER:
-                before += self._ordered(child, index, 0, mask)
+                before += self._ordered(numbers, child, 0, mask)
             else:
-                below = self._subtrees.regions(self._subtree(child, index), region)
-                after += self._ordered(child, index, region, next(iter(below)))
+                below = self._subtrees.regions(numbers[child], region)
+                after += self._ordered(numbers, child, region, next(iter(below)))
         return [*before, index, *after]

@@ -32,7 +32,7 @@ def literal_order(problem: AreaProblem) -> tuple[Block, ...] | None:
         for other in problem.procedure.meeting(block):
             free &= ~problem.wanted(other) if other.want != "grasp" else WHOLE
         spans.append(
-            GraspSpan(("r", "l").index(block.resource), block.first, block.last, free, problem.allowed_in(block))
+            GraspSpan(block.first, ("r", "l").index(block.resource), block.last, free, problem.allowed_in(block))
         )
     order = GraspForest(tuple(spans)).order()
     given = (b for b in problem.procedure.blocks if b.want != "grasp")
@@ -44,7 +44,7 @@ def fewest_literal_moves(problem: AreaProblem, limit: int) -> tuple[Move, ...] |
     groups = grasp_groups(problem)
     if not all(_each_alone(group) for group in groups):
         return None
-    failing = [group for group in groups if GraspForest(group.spans).order() is None]
+    failing = [group for group in groups if not GraspForest(group.spans).complete()]
     spare = limit - len(failing)
     if spare < 0 or any(group.shares and not _can_share(group) for group in failing):
         return None
@@ -65,7 +65,7 @@ def _fewest(group: GraspGroup, limit: int) -> tuple[Move, ...] | None:
     for _ in range(limit):
         groups = [g for shorter in groups for g in shorter.longer() if can_share or not g.shares]
         for g in groups:
-            if GraspForest(g.spans, subtrees).order() is not None:
+            if GraspForest(g.spans, subtrees).complete():
                 return g.moves
     return None
 
