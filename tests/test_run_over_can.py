@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from bus_processes import multicast_addresses
 
 from preshape.sim_backend.scenario import Scenario
+from preshape.tools.configuration import load_scenario
 from preshape.tools.run_options import RunOptions
 from preshape.tools.session import run_session
 
@@ -26,3 +28,16 @@ def test_the_same_seed_gives_the_same_frames_at_the_same_times_and_another_seed_
     assert len(first) > 500 * (4 + 12)
     assert first == again
     assert log_of(4, tmp_path / "other.log") != first
+
+
+@pytest.mark.physics
+@pytest.mark.bus
+def test_a_run_in_real_time_starts_modules_that_wait_for_its_commands() -> None:
+    # 20 Hz: the five cycles that a module waits for a command are 250 ms, on a machine that other tests keep busy.
+    channel = (multicast_addresses()["arms"].channel,)
+    options = RunOptions(
+        device="can", paced=True, channel=channel, rate_hz=20, time_limit_s=2.0, record=False, pictures=False
+    )
+    report = run_session(load_scenario("tea_box"), 0, options).report
+    assert report.loop.outcome == "time up", report.loop.reason
+    assert report.loop.refused == 0 and report.sim.seconds < 2.0 + 1.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -39,7 +38,6 @@ class RemoteWorld:
         self.remote = RemoteDevice(line)
         self.device: Device = self.remote
         self.clock: Clock = MonotonicClock()
-        self.opened_ns = self.clock.now_ns()
         self.perception: Perception = RemotePerception(line, camera_model(drawn))
 
     def report_opening(self, opening: Opening, X_world_box: Matrix) -> None:
@@ -54,13 +52,8 @@ class RemoteWorld:
         return np.frombuffer(payload)
 
     def finish(self) -> Ended:
-        """End the run and return the referee's verdict; `DeviceUnreachable` if the server has gone.
-
-        The world's time has run since it was first served; what this run simulated is its own share.
-        """
-        since_open_s = (self.clock.now_ns() - self.opened_ns) * 1e-9
-        ended = msgspec.convert(self._line.ask("finish").world, Ended)
-        return replace(ended, simulated_s=min(ended.simulated_s, since_open_s))
+        """End the run and return the referee's verdict; `DeviceUnreachable` if the server has gone."""
+        return msgspec.convert(self._line.ask("finish").world, Ended)
 
 
 @contextmanager

@@ -140,12 +140,13 @@ def run_session(
 
 
 def _finish(world: RunWorld, course: Course) -> Ended | Lost:
-    """Return what the world knows of the run."""
+    """Return what the world knows of the run; a world in real time has had its own time before the run began."""
+    lasted_s = max(0.0, world.clock.now_ns() * 1e-9 - course.start_s)
     try:
-        return world.finish()
+        ended = world.finish()
     except DeviceUnreachable as error:
-        lasted_s = world.clock.now_ns() * 1e-9 - course.start_s
-        return Lost(str(error), max(0.0, lasted_s))
+        return Lost(str(error), lasted_s)
+    return replace(ended, simulated_s=min(ended.simulated_s, lasted_s))
 
 
 def _asked_for(ended: Ended | Lost, until_task: int) -> Ended | Lost:
