@@ -61,12 +61,12 @@ class GraspGroup(NamedTuple):
         for span in self.spans:
             first, last = span.first + (span.first > after), span.last + (span.last > after)
             if not span.first <= after < span.last:
-                spans.append(GraspSpan(first, span.hand, last, span.free, span.allowed))
+                spans.append(GraspSpan(first, last, span.hand, span.free, span.allowed))
             elif span.hand == hand:
                 spans += [_span(tasks, hand, first, added), _span(tasks, hand, added, last)]
             else:
                 free, allowed = cut.limits[span.hand]
-                spans.append(GraspSpan(first, span.hand, last, span.free & free, span.allowed & allowed))
+                spans.append(GraspSpan(first, last, span.hand, span.free & free, span.allowed & allowed))
         if cut.helper:
             spans.append(_span(tasks, 1 - hand, added, added))
         cuts = (*self.cuts[:after], self.cuts[after - 1], *self.cuts[after:])
@@ -80,7 +80,7 @@ def _span(tasks: Sequence[BothLimits], hand: int, first: int, last: int) -> Gras
     for limits in tasks[first - 1 : last]:
         free &= limits[hand][0]
         allowed &= limits[hand][1]
-    return GraspSpan(first, hand, last, free, allowed)
+    return GraspSpan(first, last, hand, free, allowed)
 
 
 def grasp_groups(problem: AreaProblem) -> list[GraspGroup]:

@@ -13,11 +13,11 @@ AFTER = -1
 
 
 class GraspSpan(NamedTuple):
-    """One grasp: its first task, its hand, its last task, the patches free of given areas, the components allowed."""
+    """One grasp: its first and last task, its hand, the patches free of given areas, the components allowed."""
 
     first: int
-    hand: int
     last: int
+    hand: int
     free: int
     allowed: int
 
@@ -87,7 +87,8 @@ class GraspForest:
     """Grasps that share tasks. They form a forest, so every choice of who goes first in each pair is an order.
 
     In order of time each grasp hangs on the one that the other hand has when it begins, if there is one: whoever it
-    meets besides begins later, and hangs on it.
+    meets besides begins later, and hangs on it. Two grasps of one hand share a task only where it regrasps, and of
+    those who begin there a helper ends first: it hangs on the old grasp, and the new one on it.
     """
 
     def __init__(self, spans: tuple[GraspSpan, ...], subtrees: Subtrees | None = None) -> None:
@@ -99,7 +100,7 @@ class GraspForest:
         self._roots: list[int] = []
         newest = [-1, -1]
         for index in self._by_time:
-            first, hand = spans[index][:2]
+            first, _, hand, _, _ = spans[index]
             other = newest[1 - hand]
             hangs = other >= 0 and spans[other].last >= first
             (self._children[other] if hangs else self._roots).append(index)

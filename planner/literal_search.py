@@ -32,7 +32,7 @@ def literal_order(problem: AreaProblem) -> tuple[Block, ...] | None:
         for other in problem.procedure.meeting(block):
             free &= ~problem.wanted(other) if other.want != "grasp" else WHOLE
         spans.append(
-            GraspSpan(block.first, ("r", "l").index(block.resource), block.last, free, problem.allowed_in(block))
+            GraspSpan(block.first, block.last, ("r", "l").index(block.resource), free, problem.allowed_in(block))
         )
     order = GraspForest(tuple(spans)).order()
     given = (b for b in problem.procedure.blocks if b.want != "grasp")
