@@ -50,6 +50,7 @@ class JointDrives:
         self._velocity, self._offset = np.zeros((2, LAYOUT.dof))
         self._row, self._count = np.zeros((2, LAYOUT.dof))
         self._moving = False
+        self._shares: dict[int, float] = {}
         self.max_requested_ratio = 0.0
         """Largest torque limit or torque ever asked for, as a share of the joint's own limit."""
 
@@ -63,12 +64,14 @@ class JointDrives:
 
     def follow(self, position: Vector, torque_limit: Vector, period_s: float, joints: Joints = EVERY) -> None:
         """Move the targets of some joints to positions (n,) within a period, with at most the given torques (n,)."""
-        self._note_request(torque_limit, joints)
-        self._set_servo(torque_limit, joints)
+        self._note_request(self._set_servo(torque_limit, joints))
         count = max(1, round(period_s / self._timestep))
         duration_s = count * self._timestep
+        share = self._shares.get(count)
+        if share is None:
+            share = self._shares[count] = float(1.0 - np.exp(-duration_s / LEAD_FILTER_S))
         _set_out(
-            _PLACES[joints], position, count, duration_s, 1.0 - np.exp(-duration_s / LEAD_FILTER_S), self._lead,
+            _PLACES[joints], position, count, duration_s, share, self._lead,
             self._start, self._travel, self._target, self._velocity, self._offset, self._row, self._count,
         )  # fmt: skip
         self._moving = True
@@ -80,9 +83,8 @@ class JointDrives:
 
     def push(self, torque: Vector, torque_limit: Vector, joints: Joints = EVERY) -> None:
         """Apply torques (n,), clipped, without any position loop; the mechanical damping remains."""
-        self._note_request(torque_limit, joints)
         self._gain[joints, 0], self._bias[joints, 1], self._bias[joints, 2] = 1.0, 0.0, 0.0
-        self._clip_at(torque_limit, joints)
+        self._note_request(self._clip_at(torque_limit, joints))
         self._rest_at(torque, joints)
 
     def release(self, joints: Joints = EVERY) -> None:
@@ -111,15 +113,15 @@ class JointDrives:
         self._velocity[joints] = 0.0
         self._moving = True
 
-    def _set_servo(self, torque_limit: Vector, joints: Joints) -> None:
+    def _set_servo(self, torque_limit: Vector, joints: Joints) -> float:
         _write_servo(_PLACES[joints], self._gain, self._bias, self._stiffness, self._damping)
-        self._clip_at(torque_limit, joints)
+        return self._clip_at(torque_limit, joints)
 
-    def _clip_at(self, torque_limit: Vector, joints: Joints) -> None:
-        _write_clip(_PLACES[joints], self._range, torque_limit, LAYOUT.torque)
+    def _clip_at(self, torque_limit: Vector, joints: Joints) -> float:
+        """Clip some joints' torques; return the largest limit as a share of its joint's own."""
+        return _write_clip(_PLACES[joints], self._range, torque_limit, LAYOUT.torque)
 
-    def _note_request(self, torque_limit: Vector, joints: Joints) -> None:
-        ratio = float((torque_limit / LAYOUT.torque[joints]).max())
+    def _note_request(self, ratio: float) -> None:
         self.max_requested_ratio = max(self.max_requested_ratio, ratio)
 
 
@@ -172,8 +174,12 @@ def _write_servo(joints: Indices, gain: Matrix, bias: Matrix, stiffness: Vector,
 
 
 @compiled
-def _write_clip(joints: Indices, force_range: Matrix, torque_limit: Vector, most: Vector) -> None:
+def _write_clip(joints: Indices, force_range: Matrix, torque_limit: Vector, most: Vector) -> float:
+    """Write the clips (n,) into the actuators' ranges; return the largest of limit over the joint's own."""
+    ratio = -np.inf
     for k in range(len(joints)):
         j = joints[k]
+        ratio = max(ratio, torque_limit[k] / most[j])
         clip = min(max(torque_limit[k], 0.0), most[j])
         force_range[j, 0], force_range[j, 1] = -clip, clip
+    return ratio

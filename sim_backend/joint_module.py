@@ -9,7 +9,7 @@ from random import Random
 
 import numpy as np
 
-from preshape.hal.can.command_codec import SEQUENCES, CommandCodec, GroupCommand
+from preshape.hal.can.command_codec import SEQUENCES, GroupCommand
 from preshape.hal.can.emergency_codec import Emergency, encode_emergency
 from preshape.hal.can.heartbeat_codec import HEARTBEAT_S, Heartbeat, encode_heartbeat
 from preshape.hal.can.identifiers import emergency_id, heartbeat_id, reply_id, request_id
@@ -58,10 +58,10 @@ class ModuleEvent:
 class JointModule:
     """One module in front of its joints' drives and sensors; all times are those of the plant.
 
-    `receive_*` take frames, `act` lets the drives do what was commanded, at even distances of time however unevenly
-    commands arrive (`CommandCadence`), `due` returns the frames to be sent. `counts` says how many broadcasts were
-    `taken`, `repeated`, or refused as `foreign` (another session), `late` (a sequence that is not newer), `unarmed` or
-    `damaged`; `events` are its changes of state, in order.
+    `receive_*` take what frames say, `act` lets the drives do what was commanded, at even distances of time however
+    unevenly commands arrive (`CommandCadence`), `due` returns the frames to be sent. `counts` says how many broadcasts
+    were `taken`, `repeated`, or refused as `foreign` (another session), `late` (a sequence that is not newer),
+    `unarmed` or `damaged`; `events` are its changes of state, in order.
 
     Before it is armed, after a stop and without power its joints are held where they were measured.
     """
@@ -85,7 +85,7 @@ class JointModule:
         self.state, self.error = ModuleState.DISARMED, ModuleError.NONE
         self.counts: Counter[str] = Counter()
         self.events: list[ModuleEvent] = []
-        self._command, self._codec = CommandCodec(group), StateCodec(module, group)
+        self._codec = StateCodec(module, group)
         offset = group.offset(module)
         self._own = slice(offset, offset + len(module.joints))
         self._indices = np.array(module.indices, dtype=np.int64)
@@ -127,9 +127,8 @@ class JointModule:
 
     # What comes in.
 
-    def receive_command(self, payload: bytes | bytearray, now_ns: int) -> None:
-        """Take a broadcast of its group; whatever becomes of it, it is a request to report."""
-        command = self._command.decode(payload)
+    def receive_command(self, command: GroupCommand | None, now_ns: int) -> None:
+        """Take a broadcast of its group, None for a damaged one; whatever becomes of it, it is a request to report."""
         if command is None:
             self.counts["damaged"] += 1
             return
@@ -317,7 +316,7 @@ class JointModule:
         self._outgoing.append((heartbeat_id(self.module.node), encode_heartbeat(self.module.node, beat)))
 
     def _report(self, sequence: int, taken: bool) -> ModuleReport:
-        position, velocity, torque = (values[self._joints] for values in self._sample())
-        torque = torque + self.parameters.torque_offset
-        temperature = round(self._temperature_degc)
-        return ModuleReport(sequence, self.state, self.error, taken, temperature, position, velocity, torque)
+        position, velocity, torque = self._sample()
+        joints, temperature = self._joints, round(self._temperature_degc)
+        measured = position[joints], velocity[joints], torque[joints] + self.parameters.torque_offset
+        return ModuleReport(sequence, self.state, self.error, taken, temperature, *measured)

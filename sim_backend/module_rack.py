@@ -85,7 +85,7 @@ class ModuleRack:
         for group in spec.groups:
             codec = CommandCodec(group)
             modules = [self.modules[module.node] for module in group.modules]
-            handlers[codec.frame_id] = partial(self._command, modules)
+            handlers[codec.frame_id] = partial(self._command, codec, modules)
             lengths[codec.frame_id] = codec.length
             for module in modules:
                 identifier = request_id(module.module.node)
@@ -109,10 +109,11 @@ class ModuleRack:
                     for frame_id, payload in module.due(now_ns):
                         wire.send(frame_id, payload)
 
-    def _command(self, modules: list[JointModule], payload: bytes | bytearray) -> None:
+    def _command(self, codec: CommandCodec, modules: list[JointModule], payload: bytes | bytearray) -> None:
+        command = codec.decode(payload)
         for module in modules:
             if module.powered:
-                module.receive_command(payload, self._now_ns)
+                module.receive_command(command, self._now_ns)
 
     def _request(self, module: JointModule, payload: bytes | bytearray) -> None:
         if module.powered:

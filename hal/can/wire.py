@@ -6,7 +6,7 @@ import errno
 from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import cast
+from typing import Any, cast
 
 import can
 
@@ -31,6 +31,21 @@ class SendStatus(Enum):
     FAILED = "not sent"
 
 
+class _Frame(can.Message):
+    """A frame whose content is `bytes`, which its copies share: python-can's virtual bus copies for each listener."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None) -> can.Message:
+        copy = can.Message.__new__(can.Message)
+        copy.timestamp, copy.channel = self.timestamp, self.channel
+        copy.arbitration_id, copy.dlc, copy.data = self.arbitration_id, self.dlc, self.data
+        copy.is_extended_id, copy.is_remote_frame, copy.is_error_frame = False, False, False
+        copy.is_fd, copy.is_rx, copy.bitrate_switch = self.is_fd, self.is_rx, self.bitrate_switch
+        copy.error_state_indicator = False
+        return copy
+
+
 class Wire:
     """Sends and receives whole payloads on one bus; on a classic one by way of slices.
 
@@ -49,7 +64,7 @@ class Wire:
         self._bus, self._fd = bus, profile == "fd"
         self._handlers = dict(handlers)
         self._joiners = {} if self._fd else {number: Joiner(length) for number, length in lengths.items()}
-        self._messages: dict[int, can.Message] = {}
+        self._messages: dict[int, _Frame] = {}
         self._tag = 0
 
     def send(self, frame_id: int, payload: bytes | bytearray) -> SendStatus:
@@ -97,11 +112,10 @@ class Wire:
     def _send(self, frame_id: int, content: bytes | bytearray) -> SendStatus:
         message = self._messages.get(frame_id)
         if message is None:
-            message = can.Message(
+            message = _Frame(
                 arbitration_id=frame_id, is_extended_id=False, is_fd=self._fd, bitrate_switch=self._fd, is_rx=False
             )
             self._messages[frame_id] = message
-        # Of bytes python-can's virtual bus makes its copies much faster than of a bytearray.
         message.data = cast(bytearray, bytes(content))
         message.dlc = len(content)
         try:
