@@ -50,7 +50,9 @@ class ModuleRack:
                     module, group, plant.drives, self._read, random, reply_s, plant.time_ns, delay_steps
                 )
         self.wires = {spec.name: self._wire(spec, buses[spec.name]) for spec in topology.buses}
-        self._spoken = [(self.wires[spec.name], spec) for spec in topology.buses]
+        self._spoken = [
+            (self.wires[spec.name], [self.modules[module.node] for module in spec.modules]) for spec in topology.buses
+        ]
         plant.before_step.append(self._receive)
         plant.after_step.append(self._send)
 
@@ -102,9 +104,8 @@ class ModuleRack:
 
     def _send(self, time_ns: int) -> None:
         now_ns = self._plant.time_ns
-        for wire, spec in self._spoken:
-            for listed in spec.modules:
-                module = self.modules[listed.node]
+        for wire, modules in self._spoken:
+            for module in modules:
                 if module.powered:
                     for frame_id, payload in module.due(now_ns):
                         wire.send(frame_id, payload)

@@ -46,7 +46,9 @@ def can_setup(options: RunOptions) -> CanSetup:
     interface = options.interface or ("udp_multicast" if options.in_real_time else "virtual")
     topology, addresses = hand_bus(options.profile, interface, options.channel)
     try:
-        require_fit(topology, options.rate_hz)
+        require_fit(topology, options.loop_rate_hz)
     except BudgetExceeded as error:
         raise ConfigurationError(f"--rate-hz: {error}") from error
-    return CanSetup(topology, addresses, CanDeviceConfig(period_s=1.0 / options.rate_hz, lost_cycles=options.patience))
+    return CanSetup(
+        topology, addresses, CanDeviceConfig(period_s=1.0 / options.loop_rate_hz, lost_cycles=options.patience)
+    )

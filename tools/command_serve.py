@@ -11,7 +11,7 @@ import tyro
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.exit_codes import ExitCode
 from preshape.tools.remote_options import RemoteOptions
-from preshape.tools.run_options import ProfileName, RunOptions
+from preshape.tools.run_options import MESSAGES_RATE_HZ, ProfileName, RunOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,14 +25,14 @@ class Options(RemoteOptions):
         device: what is served, in real time: MuJoCo, or joint modules on CAN buses with MuJoCo behind them.
         rate_hz: states a second, and commands a second that the joints expect.
         interface, channel, profile: of the buses, as of `preshape run`.
-        patience_cycles: cycles without a command until the joints stop by themselves; 0: 5 of them, or 25 for MuJoCo.
+        patience_cycles: cycles without a command until the joints stop by themselves; 0: 25.
         scenario: a scenario's TOML file, or the name of one that is shipped; the run must name the same.
         seed: what the scenario leaves to chance is drawn by this; default: the scenario's own seed.
         overrides: a scenario field to be set; may be given several times.
     """
 
     device: Literal["mujoco", "can"] = "mujoco"
-    rate_hz: int = 500
+    rate_hz: int = MESSAGES_RATE_HZ
     interface: str = ""
     channel: tuple[str, ...] = ()
     profile: ProfileName = "fd"

@@ -70,7 +70,7 @@ class ControllerSetup:
 
 def setup_of(drawn: Scenario, options: RunOptions) -> ControllerSetup:
     """Return what the controller is given in a drawn scenario."""
-    opening, rate_hz = drawn.opening, float(options.rate_hz)
+    opening, rate_hz = drawn.opening, float(options.loop_rate_hz)
     return ControllerSetup(
         name=f"{drawn.name}, seed {drawn.seed}",
         paced=options.in_real_time,

@@ -74,7 +74,7 @@ def open_served_world(drawn: Scenario, options: RunOptions) -> Generator[RemoteW
         world = RemoteWorld(line, drawn)
         try:
             world.remote.open()
-            _check_world(world.remote.world, drawn, options.rate_hz)
+            _check_world(world.remote.world, drawn, options.loop_rate_hz)
             yield world
         finally:
             world.remote.close()

@@ -26,9 +26,12 @@ LONGEST_S = 3600.0
 """Longest time limit, s."""
 
 
+RATE_HZ, MESSAGES_RATE_HZ = 500, 250
+"""Ticks per second: as the paper's hands have them, and where messages between two processes of one machine take their
+share of every tick."""
 PATIENCE, STALLING_PATIENCE = 5, 25
-"""Cycles that joints wait for a command: as the modules' firmware does, and on a machine whose cores are taken away
-for 10 to 35 ms now and then, as a virtual machine's are."""
+"""Cycles that joints wait for a command: as the modules' firmware does, and where they are simulated in real time on a
+machine whose cores are taken away for 10 to 35 ms now and then, as a virtual machine's are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,13 +42,14 @@ class RunOptions:
         device: what the joints are: simulated in MuJoCo, joint modules on CAN buses with MuJoCo behind them, or
             whatever a running `preshape serve` holds (in real time).
         paced: in real time, the physics in a process of its own; else in lockstep, as fast as it goes.
-        rate_hz: ticks per second; a divisor of 1000.
+        rate_hz: ticks per second, a divisor of 1000; 0: 500, or 250 over CAN in real time and over Zenoh.
         interface: of the buses: virtual (lockstep), udp_multicast or socketcan (paced, and implying it); default:
             virtual, udp_multicast when paced.
         channel: of the buses, one for each; one socketcan channel alone carries all of them.
         profile: frames of the buses: CAN FD, or classic CAN, which carries less.
         patience_cycles: cycles without a command until the joints stop by themselves, and without an answer until a
-            module counts as lost; 0: 5 of them, or 25 for MuJoCo in real time, where it is the machine that stalls.
+            module counts as lost; 0: 5 of them, or 25 for joints that the run itself simulates in real time, where it
+            is the machine that stalls.
         attach: the modules and the scene are those of a running `preshape hand-bus`.
         remote: where that server is found.
         field: minimum distance per group (the paper), or every bounding box by itself (its baseline).
@@ -66,7 +70,7 @@ class RunOptions:
 
     device: DeviceName = "mujoco"
     paced: bool = False
-    rate_hz: int = 500
+    rate_hz: int = 0
     interface: str = ""
     channel: tuple[str, ...] = ()
     profile: ProfileName = "fd"
@@ -86,7 +90,7 @@ class RunOptions:
     pictures: bool = True
 
     def __post_init__(self) -> None:
-        if self.rate_hz not in RATES_HZ:
+        if self.rate_hz not in (0, *RATES_HZ):
             raise ConfigurationError(f"--rate-hz: got {self.rate_hz}, allowed are {', '.join(map(str, RATES_HZ))}")
         if not 0 <= self.patience_cycles <= MOST_PATIENCE:
             raise ConfigurationError(f"--patience-cycles: got {self.patience_cycles}, allowed is 0 .. {MOST_PATIENCE}")
@@ -110,9 +114,15 @@ class RunOptions:
             raise ConfigurationError(f"--time-limit-s: got {self.time_limit_s:g}, allowed is > 0 and <= {LONGEST_S:g}")
 
     @property
+    def loop_rate_hz(self) -> int:
+        """Ticks per second."""
+        over_messages = self.in_real_time and self.device != "mujoco"
+        return self.rate_hz or (MESSAGES_RATE_HZ if over_messages else RATE_HZ)
+
+    @property
     def patience(self) -> int:
         """Cycles without a command until the joints stop by themselves."""
-        stalls = self.in_real_time and self.device == "mujoco"
+        stalls = self.in_real_time and self.device != "zenoh" and not self.attach
         return self.patience_cycles or (STALLING_PATIENCE if stalls else PATIENCE)
 
     @property

@@ -119,7 +119,7 @@ def open_world(
         ConfigurationError: the buses asked for cannot be.
         DeviceUnreachable: a bus or a process of the world did not come up, or has died.
     """
-    period_s = 1.0 / options.rate_hz
+    period_s = 1.0 / options.loop_rate_hz
     if options.device == "can":
         setup = can_setup(options)
         if options.in_real_time:

@@ -162,7 +162,7 @@ def _wire_watch(options: RunOptions, seed: int) -> WireWatch | None:
     if options.device != "can" or options.in_real_time:
         return None
     topology = can_setup(options).topology
-    return WireWatch(options.faults, topology, 1.0 / options.rate_hz, seed, options.patience)
+    return WireWatch(options.faults, topology, 1.0 / options.loop_rate_hz, seed, options.patience)
 
 
 def _telemetry(
@@ -171,7 +171,7 @@ def _telemetry(
     if config is None:
         return nullcontext()
     cell, box = workcell(drawn), nominal_box(drawn)
-    rate_hz = float(options.rate_hz)
+    rate_hz = float(options.loop_rate_hz)
     return Telemetry(config, options.device, options.in_real_time, rate_hz, cell.X_world_base, scene_info(cell, box))
 
 
