@@ -206,11 +206,15 @@ class PacedWorld:
     """Both processes of a paced run. A context manager: `finish` inside it for the verdict; leaving ends them."""
 
     def __init__(
-        self, scenario: Scenario, watchdog_cycles: int = WATCHDOG_CYCLES, period_s: float = COMMAND_PERIOD_S
+        self,
+        scenario: Scenario,
+        watchdog_cycles: int = WATCHDOG_CYCLES,
+        period_s: float = COMMAND_PERIOD_S,
+        pace: float = 1.0,
     ) -> None:
         """Start the physics and the camera of a drawn scenario and wait until both are ready.
 
-        `period_s` is the time between two commands.
+        `period_s` is the time between two commands; `pace` seconds of the scene pass in each of the machine's.
 
         Raises:
             DeviceUnreachable: a process did not come up.
@@ -231,7 +235,7 @@ class PacedWorld:
             self._children.append(child)
             return Line(here, name)
 
-        self._physics = start(PHYSICS, run_physics, (watchdog_cycles, period_s), (state, command))
+        self._physics = start(PHYSICS, run_physics, (watchdog_cycles, period_s, pace), (state, command))
         self._camera = start("camera", run_camera, (), (state, pixels))
         try:
             self._physics.expect_ready()
@@ -239,7 +243,7 @@ class PacedWorld:
         except DeviceUnreachable:
             self.close()
             raise
-        self.clock = MonotonicClock()
+        self.clock = MonotonicClock(pace)
         self.device = PacedDevice(self._physics, SharedBlock(state, record), SharedBlock(command, COMMAND))
         self.perception = PacedPerception(
             scenario, SharedBlock(state, record), self._camera, np.frombuffer(memoryview(pixels), np.uint8)

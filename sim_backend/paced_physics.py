@@ -79,6 +79,7 @@ def run_physics(
     scenario: Scenario,
     watchdog_cycles: int,
     period_s: float,
+    pace: float,
     requests: Connection,
     state_memory: ctypes.Array[ctypes.c_char],
     command_memory: ctypes.Array[ctypes.c_char],
@@ -87,7 +88,7 @@ def run_physics(
     # Ctrl-C reaches every process of a terminal: how the run ends is the controller's to say.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     simulation = Simulation(scenario)
-    physics = PacedPhysics(simulation, requests, state_memory)
+    physics = PacedPhysics(simulation, requests, state_memory, pace)
     joints = SharedJoints(simulation, period_s, watchdog_cycles, command_memory, physics.publish)
     run_with_priority(physics, joints)
 

@@ -79,7 +79,7 @@ class PacedCanRun:
 def open_paced_can(drawn: Scenario, options: RunOptions, setup: CanSetup) -> Generator[PacedCanRun]:
     """Give a world on buses in real time, with physics started for it or those of a running hand bus."""
     addresses = setup.addresses
-    wiring = BusWiring(setup.topology, addresses, options.patience)
+    wiring = BusWiring(setup.topology, addresses, options.patience, options.pace)
     with PacedScene(drawn, ScenePlace(addresses) if options.attach else wiring) as scene:
 
         def open_one(spec: BusSpec, identifiers: list[int]) -> can.BusABC:

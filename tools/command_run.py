@@ -15,6 +15,9 @@ from preshape.tools.run_options import RunOptions
 if TYPE_CHECKING:
     from preshape.tools.report import Report
 
+MOST_SLIP = 0.02
+"""Share of the simulated time for which a scene in real time may have stood still without being told of."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options(RunOptions):
@@ -82,6 +85,10 @@ def execute(options: Options) -> int:
 def summary(report: Report) -> str:
     """Return the outcome in one or two lines."""
     how_long = f"{report.sim.seconds:.1f} s simulated, {report.sim.realtime_factor:.2f} x real time"
+    if report.sim.slipped_s > MOST_SLIP * report.sim.seconds:
+        how_long += (
+            f"; the scene stood still for {report.sim.slipped_s:.1f} s, the machine being too slow: see --pace"
+        )
     if report.success:
         return f"success: {report.done} ({how_long})"
     return f"failed: {report.failure}\n({how_long})"

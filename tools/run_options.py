@@ -43,6 +43,8 @@ class RunOptions:
             whatever a running `preshape serve` holds (in real time).
         paced: in real time, the physics in a process of its own; else in lockstep, as fast as it goes.
         rate_hz: ticks per second, a divisor of 1000; 0: 500, or 250 over CAN in real time and over Zenoh.
+        pace: seconds of the world in each of the machine's, of one that the run itself simulates in real time: slow
+            motion for a machine that is too slow; at most 1.
         interface: of the buses: virtual (lockstep), udp_multicast or socketcan (paced, and implying it); default:
             virtual, udp_multicast when paced.
         channel: of the buses, one for each; one socketcan channel alone carries all of them.
@@ -71,6 +73,7 @@ class RunOptions:
     device: DeviceName = "mujoco"
     paced: bool = False
     rate_hz: int = 0
+    pace: float = 1.0
     interface: str = ""
     channel: tuple[str, ...] = ()
     profile: ProfileName = "fd"
@@ -94,6 +97,10 @@ class RunOptions:
             raise ConfigurationError(f"--rate-hz: got {self.rate_hz}, allowed are {', '.join(map(str, RATES_HZ))}")
         if not 0 <= self.patience_cycles <= MOST_PATIENCE:
             raise ConfigurationError(f"--patience-cycles: got {self.patience_cycles}, allowed is 0 .. {MOST_PATIENCE}")
+        if not 0.0 < self.pace <= 1.0:
+            raise ConfigurationError(f"--pace: got {self.pace:g}, allowed is > 0 and <= 1")
+        if self.pace != 1.0 and not self.simulates_in_real_time:
+            raise ConfigurationError(f"--pace: got {self.pace:g} for a world of another's or in lockstep, allowed is 1")
         if self.device != "can":
             self._refuse_bus_options()
         elif self.interface == "virtual" and self.in_real_time:
@@ -122,13 +129,17 @@ class RunOptions:
     @property
     def patience(self) -> int:
         """Cycles without a command until the joints stop by themselves."""
-        stalls = self.in_real_time and self.device != "zenoh" and not self.attach
-        return self.patience_cycles or (STALLING_PATIENCE if stalls else PATIENCE)
+        return self.patience_cycles or (STALLING_PATIENCE if self.simulates_in_real_time else PATIENCE)
 
     @property
     def in_real_time(self) -> bool:
         """Whether the run goes by the machine's clock."""
         return self.paced or self.attach or self.device == "zenoh" or self.interface not in ("", "virtual")
+
+    @property
+    def simulates_in_real_time(self) -> bool:
+        """Whether the run starts its world itself, and that goes by the machine's clock."""
+        return self.in_real_time and self.device != "zenoh" and not self.attach
 
     def _refuse_bus_options(self) -> None:
         given = {

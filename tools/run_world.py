@@ -135,7 +135,7 @@ def open_world(
         with open_served_world(drawn, options) as world:
             yield world
     elif options.in_real_time:
-        with PacedWorld(drawn, options.patience, period_s) as processes:
+        with PacedWorld(drawn, options.patience, period_s, options.pace) as processes:
             processes.device.open()
             yield PacedRun(processes)
     else:
