@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Iterator
 from typing import ClassVar
 
@@ -91,6 +92,19 @@ def test_a_dead_physics_process_is_unreachable_and_closing_still_ends(world: Pac
         world.finish()
     world.close()
     assert not any(child.is_alive() for child in world._children)
+
+
+def test_a_slow_world_and_its_clock_go_at_one_pace() -> None:
+    with PacedWorld(SCENARIO, PATIENT, pace=0.25) as world:
+        world.device.open()
+        machine_ns, first_ns = time.monotonic_ns(), world.device.read(world.clock.now_ns()).stamp_ns.max()
+        world.clock.sleep_until_ns(world.clock.now_ns() + 100_000_000)
+        machine_s = (time.monotonic_ns() - machine_ns) * 1e-9
+        last_ns = world.device.read(world.clock.now_ns()).stamp_ns.max()
+        assert machine_s > 0.4
+        # What the machine's stalls take from the scene is not made up for.
+        assert 0.0 < (last_ns - first_ns) * 1e-9 < 0.25 * machine_s + 0.02
+        assert abs(world.clock.now_ns() - last_ns) < 200_000_000
 
 
 def test_the_module_watchdog_runs_in_the_physics_process() -> None:

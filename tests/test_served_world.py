@@ -31,8 +31,8 @@ def test_pose_obstacles_image_scene_and_verdict_come_over() -> None:
         with pytest.raises(ConfigurationError, match="got tea_box 0, served is tea_box_obstacle 3"):
             with open_served_world(load_scenario("tea_box").drawn(0), options):
                 raise AssertionError("another world was taken")
-        with pytest.raises(ConfigurationError, match="--rate-hz: got 250, served is 500"):
-            with open_served_world(drawn, replace(options, rate_hz=250)):
+        with pytest.raises(ConfigurationError, match="--rate-hz: got 500, served is 250"):
+            with open_served_world(drawn, replace(options, rate_hz=500)):
                 raise AssertionError("another rate was taken")
         with open_served_world(drawn, options) as world:
             now = world.clock.now_ns

@@ -86,9 +86,7 @@ def summary(report: Report) -> str:
     """Return the outcome in one or two lines."""
     how_long = f"{report.sim.seconds:.1f} s simulated, {report.sim.realtime_factor:.2f} x real time"
     if report.sim.slipped_s > MOST_SLIP * report.sim.seconds:
-        how_long += (
-            f"; the scene stood still for {report.sim.slipped_s:.1f} s, the machine being too slow: see --pace"
-        )
+        how_long += f"; the scene stood still for {report.sim.slipped_s:.1f} s, the machine being too slow: see --pace"
     if report.success:
         return f"success: {report.done} ({how_long})"
     return f"failed: {report.failure}\n({how_long})"
