@@ -24,20 +24,20 @@ def printed(silence_ms: dict[int, int], torque: float = 0.9) -> str:
 
 
 def test_modules_that_all_stop_in_time_are_as_they_must_be() -> None:
-    assert faults_of_modules(printed(dict.fromkeys(NODES, 11))) == []
-    assert faults_of_modules(printed({node: 11 + node % 3 for node in NODES})) == []
+    assert faults_of_modules(printed(dict.fromkeys(NODES, 21))) == []
+    assert faults_of_modules(printed({node: 21 + node % 3 for node in NODES})) == []
 
 
 def test_a_module_that_stops_late_or_not_at_all_is_told() -> None:
-    late = dict.fromkeys(NODES, 11) | {NODES[3]: 21}
-    assert any("later than 20 ms" in fault for fault in faults_of_modules(printed(late)))
-    missing = dict.fromkeys(NODES[1:], 11)
+    late = dict.fromkeys(NODES, 21) | {NODES[3]: 31}
+    assert any("later than 30 ms" in fault for fault in faults_of_modules(printed(late)))
+    missing = dict.fromkeys(NODES[1:], 21)
     assert faults_of_modules(printed(missing)) == [f"{len(NODES) - 1} of {len(NODES)} modules stopped by themselves"]
 
 
 @pytest.mark.parametrize("torque", [1.21, 3.0])
 def test_torque_above_its_limit_is_told(torque: float) -> None:
-    assert faults_of_modules(printed(dict.fromkeys(NODES, 11), torque)) == [f"torque {torque:.2f} of its limit"]
+    assert faults_of_modules(printed(dict.fromkeys(NODES, 21), torque)) == [f"torque {torque:.2f} of its limit"]
 
 
 def test_served_joints_that_nobody_has_stopped_are_told_and_so_is_silence_about_torque() -> None:

@@ -25,7 +25,7 @@ from preshape.control.box_opening import TASK_NAMES
 from preshape.hal.can.topology import TOPOLOGY
 from preshape.sim_backend.referee_report import TORQUE_RATIO_ALLOWED
 from preshape.tools.exit_codes import ExitCode
-from preshape.tools.wire_monitor import PERIOD_S
+from preshape.tools.run_options import MESSAGES_RATE_HZ
 from preshape.tools.wire_rules import stop_limit_s
 
 PRESHAPE = (sys.executable, "-c", "from preshape.tools.cli import main; main()")
@@ -133,7 +133,7 @@ def _after_arming(text: str) -> list[str]:
 
 def faults_of_modules(text: str) -> list[str]:
     """Return what the modules' log, as a hand bus prints it, says against them."""
-    limit_ms = 1e3 * stop_limit_s(PERIOD_S)
+    limit_ms = 1e3 * stop_limit_s(1.0 / MESSAGES_RATE_HZ)
     faults: list[str] = []
     stopped = 0
     for line in text.splitlines():

@@ -16,7 +16,8 @@ from typing import NoReturn
 import can
 
 from preshape.tools.exit_codes import ExitCode
-from preshape.tools.wire_monitor import PERIOD_S, WireMonitor, WireVerdict
+from preshape.tools.run_options import MESSAGES_RATE_HZ, RATE_HZ
+from preshape.tools.wire_monitor import WireMonitor, WireVerdict
 from preshape.tools.wire_rules import STOP_CYCLES
 
 POLL_S = 0.1
@@ -76,12 +77,18 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument("--interface", default="socketcan", help="python-can's name of it; default: %(default)s")
     parser.add_argument("--channel", default="vcan0", help="default: %(default)s")
     parser.add_argument("--seconds", type=float, default=10.0, help="how long; default: %(default)g")
-    parser.add_argument("--period-ms", type=float, default=PERIOD_S * 1e3, help="of commands; default: %(default)g")
+    parser.add_argument(
+        "--period-ms",
+        type=float,
+        help=f"of commands; default: {1e3 / RATE_HZ:g} for a log, as lockstep writes it, {1e3 / MESSAGES_RATE_HZ:g} for a bus",
+    )
     parser.add_argument(
         "--patience-cycles", type=int, default=STOP_CYCLES, help="periods without a command; default: %(default)s"
     )
     parser.add_argument("--pace", type=float, default=1.0, help="seconds of the modules in each of the log's")
     options = parser.parse_args(arguments)
+    if options.period_ms is None:
+        options.period_ms = 1e3 / (MESSAGES_RATE_HZ if options.log is None else RATE_HZ)
     for option in ("period_ms", "seconds", "pace"):
         if not getattr(options, option) > 0.0:
             parser.error(f"--{option.replace('_', '-')}: got {getattr(options, option):g}, allowed is > 0")
