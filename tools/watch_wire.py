@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     parser.add_argument(
         "--period-ms",
         type=float,
-        help=f"of commands; default: {1e3 / RATE_HZ:g} for a log, as lockstep writes it, {1e3 / MESSAGES_RATE_HZ:g} for a bus",
+        help=f"of commands; default: {1e3 / RATE_HZ:g} for a log (lockstep), {1e3 / MESSAGES_RATE_HZ:g} for a live bus",
     )
     parser.add_argument(
         "--patience-cycles", type=int, default=STOP_CYCLES, help="periods without a command; default: %(default)s"
