@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +53,21 @@ def test_pose_obstacles_image_scene_and_verdict_come_over() -> None:
         assert server.process.wait(30.0) == 0
     assert ended.simulated_s > 0.0 and not ended.verdict.success
     assert ended.verdict.opening_error is not None and ended.verdict.tasks[0].name == "grasp"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_server_that_is_asked_to_end_stops_the_device_and_says_what_torque_there_was(number: signal.Signals) -> None:
+    # Programs that a script starts in the background are deaf to Ctrl-C's signal unless they listen themselves.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with served() as server:
+            server.signal(number)
+            assert server.process.wait(30.0) == 0
+            assert server.process.stderr is not None
+            said = server.process.stderr.read()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert "interrupted: the device has been stopped" in said and "largest torque in physics: 0." in said
 
 
 def test_an_opening_survives_its_json() -> None:

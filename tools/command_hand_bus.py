@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import signal
 from dataclasses import dataclass
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
@@ -64,38 +62,23 @@ def execute(options: Options) -> int:
     from preshape.sim_backend.hand_bus import serve_robot, serve_scene
     from preshape.tools.can_setup import hand_bus
     from preshape.tools.configuration import load_scenario
+    from preshape.tools.end_signals import EndSignals
     from preshape.tools.modules_log_text import modules_log_lines
 
     topology, addresses = hand_bus(options.profile, options.interface, options.channel)
     wiring = BusWiring(topology, addresses, options.patience_cycles, options.pace)
     scenario = load_scenario(options.scenario, options.overrides)
     seed = scenario.seed if options.seed is None else options.seed
-    ended = _Interrupted()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, ended.note)
     served = f"{len(topology.modules)} modules on " + ", ".join(dict.fromkeys(map(str, addresses.values())))
 
     def ready(place: ScenePlace | None = None) -> None:
         behind = "the bare robot" if place is None else f"{scenario.name} with seed {seed}, at {place.folder}"
         print(f"ready: {served}; behind them {behind}", flush=True)
 
-    if options.physics == "simple":
-        log = serve_robot(seed, wiring, ready, ended)
-    else:
-        log = serve_scene(scenario.drawn(seed), wiring, ready, ended)
+    with EndSignals() as ended:
+        if options.physics == "simple":
+            log = serve_robot(seed, wiring, ready, ended)
+        else:
+            log = serve_scene(scenario.drawn(seed), wiring, ready, ended)
     print("\n".join(modules_log_lines(log, topology)), flush=True)
     return ExitCode.DONE
-
-
-class _Interrupted:
-    """Whether an interrupt or a termination signal has come."""
-
-    def __init__(self) -> None:
-        self._came = False
-
-    def note(self, number: int, frame: FrameType | None) -> None:
-        """Take note of a signal."""
-        self._came = True
-
-    def __call__(self) -> bool:
-        return self._came

@@ -18,8 +18,8 @@ from preshape.tools.run_options import MESSAGES_RATE_HZ, ProfileName, RunOptions
 class Options(RemoteOptions):
     """Serve a simulated device with its camera and referee over Zenoh, for `preshape run --device zenoh`.
 
-    Ends when a run has been finished; until then one client after the other may open the device. A client that
-    goes away without a word leaves the joints stopped where they are.
+    Ends when a run has been finished, or by Ctrl-C or SIGTERM, with the device stopped; until then one client after the
+    other may open the device. A client that goes away without a word leaves the joints stopped where they are.
 
     Attributes:
         device: what is served, in real time: MuJoCo, or joint modules on CAN buses with MuJoCo behind them.
@@ -63,10 +63,11 @@ class Options(RemoteOptions):
 
 
 def execute(options: Options) -> int:
-    """Serve until a run has been finished, or Ctrl-C."""
+    """Serve until a run has been finished, or a signal asks for the end."""
     from preshape.hal.remote_calls import DEVICE_KEY
     from preshape.tools.configuration import load_scenario
     from preshape.tools.device_server import DeviceServer
+    from preshape.tools.end_signals import EndSignals
     from preshape.tools.real_time import real_time
     from preshape.tools.remote_world import described
     from preshape.tools.run_world import open_world
@@ -78,6 +79,7 @@ def execute(options: Options) -> int:
     root = Keys(options.robot).of(DEVICE_KEY)
     spoken = [f"{root}/{tail}" for tail in ("state", "perception", "scene", "alive", "call/**")]
     with (
+        EndSignals() as ended,
         open_world(drawn, options.run) as world,
         # What Zenoh starts inherits the priority; the world's processes have their own.
         real_time(),
@@ -85,9 +87,8 @@ def execute(options: Options) -> int:
     ):
         server = DeviceServer(session, root, world, described(drawn, options.rate_hz), float(options.rate_hz), _say)
         _say(f"serving {drawn.name}, seed {drawn.seed}, as {root} at {options.zenoh_config or options.endpoint}")
-        try:
-            server.run()
-        except KeyboardInterrupt:
+        server.run(ended)
+        if ended() and not server.finished:
             _say("interrupted: the device has been stopped")
             ratio = world.finish().verdict.max_torque_ratio
             _say(f"largest torque in physics: {ratio:.2f} of its limit")
