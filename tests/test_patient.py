@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import time
-from threading import Event
+from threading import Event, Timer
 
 import numpy as np
 import pytest
@@ -151,6 +152,25 @@ def test_holds_the_first_command_to_follow_before_the_first_step_is_ready() -> N
         inner.go_on.set()
     assert np.all(setpoint.position == 0.25)
     assert np.array_equal(setpoint.torque_limit, LAYOUT.torque)
+
+
+def test_a_signal_while_a_tick_waits_for_its_step_does_not_make_it_wait_for_ever() -> None:
+    inner = Inner(slow=(0,))
+    waited_s = 0.01
+    before = signal.signal(signal.SIGALRM, lambda number, frame: time.sleep(5 * waited_s))
+    try:
+        with PatientController(inner, waited_s, PERIOD_S) as patient:
+            patient.follow(MIDDLE, np.zeros(LAYOUT.dof))
+            timer = Timer(PATIENT_S / 10, inner.go_on.set)
+            timer.start()
+            signal.setitimer(signal.ITIMER_REAL, 0.5 * waited_s)
+            patient.step(0, 0, state())
+            assert patient.held == 1 and not inner.go_on.is_set()
+            inner.go_on.set()
+            timer.cancel()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_an_error_of_the_inner_controller_comes_up_in_the_loop() -> None:

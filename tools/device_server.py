@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue
 from typing import Any
 
 import msgspec
@@ -52,7 +52,8 @@ class DeviceServer:
         self._session, self._root, self._world, self._note = session, root, world, note
         self._describe, self._device = dict(describe), world.device
         self._gate, self._period_ns = GateConfig.at_rate(rate_hz), round(1e9 / rate_hz)
-        self._inbox: SimpleQueue[_Arrived] = SimpleQueue()
+        # Not a SimpleQueue: where a signal's handler outlasts the time that its `get` waits, it waits for ever.
+        self._inbox: Queue[_Arrived] = Queue()
         self._images = ThreadPoolExecutor(1, "images")
         self._client, self._epoch = NOBODY, 0
         self._seq = self._turns = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue, SimpleQueue
 from threading import Thread
 
 from preshape.control.controller import Controller, Setpoint
@@ -41,7 +41,8 @@ class PatientController:
         """Wrap a controller; a tick of `period_s` waits `patience_s` for its step."""
         self._inner, self._patience_s = inner, patience_s
         self._asked: SimpleQueue[_Step | None] = SimpleQueue()
-        self._answers: SimpleQueue[Setpoint | Exception] = SimpleQueue()
+        # Not a SimpleQueue: where a signal's handler outlasts the time that its `get` waits, it waits for ever.
+        self._answers: Queue[Setpoint | Exception] = Queue()
         self._thread = Thread(target=self._think, name="controller", daemon=True)
         self._motion = HeldMotion(period_s)
         self._busy = self._holding = self._begun = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue
 
 import zenoh
 
@@ -35,7 +35,8 @@ class RobotPublisher:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._last: dict[str, bytes] = {}
         self._events: deque[bytes] = deque(maxlen=events_kept)
-        self._inbox: SimpleQueue[tuple[str, zenoh.Query]] = SimpleQueue()
+        # Not a SimpleQueue: where a signal's handler outlasts the time that its `get` waits, it waits for ever.
+        self._inbox: Queue[tuple[str, zenoh.Query]] = Queue()
         self._at_stop = at_stop
         self._queryables = [
             session.declare_queryable(keys.of(group), partial(self._take, group)) for group in (*KEPT, *SERVICES)
