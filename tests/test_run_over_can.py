@@ -33,7 +33,7 @@ def test_the_same_seed_gives_the_same_frames_at_the_same_times_and_another_seed_
 @pytest.mark.physics
 @pytest.mark.bus
 def test_a_run_in_real_time_starts_modules_that_wait_for_its_commands() -> None:
-    # 20 Hz: the five cycles that a module waits for a command are 250 ms, on a machine that other tests keep busy.
+    # 20 Hz: what is tested is that modules and driver are patient, on a machine that other tests keep busy.
     channel = (multicast_addresses()["arms"].channel,)
     options = RunOptions(
         device="can", paced=True, channel=channel, rate_hz=20, time_limit_s=2.0, record=False, pictures=False
