@@ -50,7 +50,6 @@ class JointDrives:
         self._velocity, self._offset = np.zeros((2, LAYOUT.dof))
         self._row, self._count = np.zeros((2, LAYOUT.dof))
         self._moving = False
-        self._shares: dict[int, float] = {}
         self.max_requested_ratio = 0.0
         """Largest torque limit or torque ever asked for, as a share of the joint's own limit."""
 
@@ -67,11 +66,8 @@ class JointDrives:
         self._note_request(self._set_servo(torque_limit, joints))
         count = max(1, round(period_s / self._timestep))
         duration_s = count * self._timestep
-        share = self._shares.get(count)
-        if share is None:
-            share = self._shares[count] = float(1.0 - np.exp(-duration_s / LEAD_FILTER_S))
         _set_out(
-            _PLACES[joints], position, count, duration_s, share, self._lead,
+            _PLACES[joints], position, count, duration_s, 1.0 - np.exp(-duration_s / LEAD_FILTER_S), self._lead,
             self._start, self._travel, self._target, self._velocity, self._offset, self._row, self._count,
         )  # fmt: skip
         self._moving = True

@@ -88,6 +88,15 @@ def bench() -> Iterator[Bench]:
     bench.close()
 
 
+def test_a_command_that_enables_no_joint_moves_none_and_is_one_all_the_same(bench: Bench) -> None:
+    bench.arm_it()
+    held = bench.position
+    for _ in range(20):
+        bench.command(held + 0.3, enable=0)
+    assert np.abs(bench.position - held).max() < 0.01
+    assert bench.module.state is ModuleState.ARMED and bench.module.counts["taken"] == 20
+
+
 def test_five_missed_cycles_make_an_armed_module_hold_and_say_so_until_it_is_armed_again(bench: Bench) -> None:
     bench.arm_it()
     start = bench.position

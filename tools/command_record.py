@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from preshape.tools.configuration_error import ConfigurationError
@@ -79,6 +77,7 @@ def _complete(directory: Path) -> int:
 
 def _record(options: Options, listener: TelemetryListener, directory: Path) -> int:
     from preshape.tools.dash_live import LiveDash
+    from preshape.tools.end_signals import EndSignals
     from preshape.tools.rerun_layout import blueprint
     from preshape.tools.rerun_stream import RerunStream
     from preshape.tools.telemetry_keys import Keys
@@ -93,21 +92,15 @@ def _record(options: Options, listener: TelemetryListener, directory: Path) -> i
         file.add(tail, message, time.time_ns())
         ended = ended or (isinstance(message, Heartbeat) and message.part == "loop" and message.state == "gone")
 
-    def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal ended
-        ended = True
-
-    before = [(number, signal.signal(number, stop)) for number in (signal.SIGINT, signal.SIGTERM)]
     try:
-        dash = LiveDash(listener, RerunStream.to_file(directory / "recording.rrd", blueprint()), keep)
-        end_s = time.monotonic() + options.seconds if options.seconds else float("inf")
-        while not ended and time.monotonic() < end_s:
-            dash.turn()
-            file.flush()
-            time.sleep(FLUSH_S)
-        dash.close()
+        with EndSignals() as asked:
+            dash = LiveDash(listener, RerunStream.to_file(directory / "recording.rrd", blueprint()), keep)
+            end_s = time.monotonic() + options.seconds if options.seconds else float("inf")
+            while not (ended or asked()) and time.monotonic() < end_s:
+                dash.turn()
+                file.flush()
+                time.sleep(FLUSH_S)
+            dash.close()
     finally:
         file.close()
-        for number, handler in before:
-            signal.signal(number, handler)
     return file.count

@@ -1,8 +1,9 @@
-"""Ctrl-C and requests to terminate as the wish that a service ends, in its own time and order."""
+"""Ctrl-C and requests to terminate as the wish that a program ends, in its own time and order."""
 
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -19,12 +20,13 @@ class EndSignals(AbstractContextManager["EndSignals"]):
     Also where a shell has started the program in the background, and with that deaf to Ctrl-C's signal.
     """
 
-    def __init__(self) -> None:
-        """Change nothing yet."""
+    def __init__(self, tell: Callable[[signal.Signals], None] = lambda number: None) -> None:
+        """Change nothing yet; `tell` will be told of the signal when it comes."""
         self._before: dict[signal.Signals, Handler] = {}
-        self._came = False
+        self._tell, self._came = tell, False
 
     def __enter__(self) -> EndSignals:
+        """Listen from now on; `ValueError` in another thread than the main one."""
         self._before = {number: signal.signal(number, self._note) for number in ENDING}
         return self
 
@@ -41,3 +43,4 @@ class EndSignals(AbstractContextManager["EndSignals"]):
     def _note(self, number: int, frame: FrameType | None) -> None:
         self._came = True
         self.__exit__()
+        self._tell(signal.Signals(number))
