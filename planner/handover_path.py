@@ -22,11 +22,8 @@ from preshape.planner.hold_states import (
     union,
 )
 from preshape.planner.procedure import HANDS, Hand, Task
-from preshape.planner.regrasp_move import needs_helper, regrasp_task
+from preshape.planner.regrasp_move import Move, needs_helper, regrasp_task
 from preshape.planner.task_areas import TaskAreas
-
-Move = tuple[Hand, int]
-"""A regrasp of a hand after a task of the procedure that is searched, numbered as before any was added."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +84,7 @@ class _Areas:
 class HandoverSearch:
     """The moves found, fewest first of all; or None and the first task that no number of them leads into.
 
-    `alone`: that task has no grasps even by itself.
+    Tasks are numbered as before any was added. `alone`: that task has no grasps even by itself.
     """
 
     moves: tuple[Move, ...] | None
@@ -103,6 +100,7 @@ class _Layers:
         self.tasks = tasks
         self._areas = areas
         self._moves: dict[int, tuple[Onto, ...]] = {}
+        self._moved: list[States] = [NO_STATES] * len(tasks)
         self.inside: list[list[States]] = []
         self.beyond: list[list[States]] = []
 
@@ -128,16 +126,25 @@ class _Layers:
         """Allow one more regrasp."""
         states: States = (*NO_STATES[:OFF], OFF_BIT)
         inside, beyond = list[States](), list[States]()
-        fewer = self.beyond[-1] if self.beyond else None
         for number in range(len(self.tasks)):
             inside.append(self.enter(number, states))
-            states = self.leave(number, inside[-1])
-            if fewer is not None and any(fewer[number]):
-                for onto in self.moves(number):
-                    states = union(states, regrasped(fewer[number], self.covers, onto))
+            states = union(self.leave(number, inside[-1]), self._moved_on(number))
             beyond.append(states)
         self.inside.append(inside)
         self.beyond.append(beyond)
+
+    def _moved_on(self, number: int) -> States:
+        """Return the states after one regrasp from those reached so far after a task (from 0)."""
+        if not self.beyond:
+            return NO_STATES
+        states = self.beyond[-1][number]
+        if len(self.beyond) == 1 or states != self.beyond[-2][number]:
+            moved = NO_STATES
+            if any(states):
+                for onto in self.moves(number):
+                    moved = union(moved, regrasped(states, self.covers, onto))
+            self._moved[number] = moved
+        return self._moved[number]
 
     def trace(self) -> tuple[Move, ...]:
         """Return the moves on a way to the last task."""

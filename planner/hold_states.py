@@ -32,16 +32,6 @@ class Onto:
     helper: bool
 
 
-def flipped(states: States) -> States:
-    """Return the set with both hands exchanged."""
-    rows = [0] * (OFF + 1)
-    for r, row in enumerate(states):
-        while row:
-            rows[(row & -row).bit_length() - 1] |= 1 << r
-            row &= row - 1
-    return tuple(rows)
-
-
 def union(a: States, b: States) -> States:
     """Return the union of two sets."""
     return tuple(map(or_, a, b))
@@ -81,33 +71,40 @@ def arrived(states: States, right: bool, left: bool) -> States:
 
 def regrasped(states: States, covers: Covers, onto: Onto) -> States:
     """Return the states after one added regrasp."""
-    if not onto.right:
-        return flipped(regrasped(flipped(states), covers, Onto(True, onto.own, onto.other, onto.helper)))
-    own = [r for r in range(OFF) if onto.own >> r & 1]
+    own, other = onto.own, onto.other
     if onto.helper:
-        holding = sum(1 << r for r in own if states[r] & OFF_BIT)
-        reached = onto.own & covers.supported(covers.supported(holding) & onto.other)
+        reached = own & covers.supported(covers.supported(_alone(states, onto)) & other)
+        if not onto.right:
+            return (*NO_STATES[:OFF], reached)
         return (*(OFF_BIT if reached >> r & 1 else 0 for r in range(OFF)), 0)
+    if not onto.right:
+        partners = (*covers.compatible, EVERY)
+        return tuple(own & partners[r] if other >> r & 1 and row & own else 0 for r, row in enumerate(states))
     kept = 0
-    for r in own:
-        kept |= states[r] & onto.other
-    return (*(kept & (covers.compatible[r] | OFF_BIT) if onto.own >> r & 1 else 0 for r in range(OFF)), 0)
+    for r in range(OFF):
+        kept |= states[r] if own >> r & 1 else 0
+    kept &= other
+    return (*(kept & (covers.compatible[r] | OFF_BIT) if own >> r & 1 else 0 for r in range(OFF)), 0)
+
+
+def _alone(states: States, onto: Onto) -> int:
+    """Return the components of the regrasping hand in which it is on the box by itself."""
+    if not onto.right:
+        return states[OFF] & onto.own
+    return sum(1 << r for r in range(OFF) if onto.own >> r & 1 and states[r] & OFF_BIT)
 
 
 def before_regrasp(states: States, covers: Covers, onto: Onto, after: tuple[int, int]) -> tuple[int, int] | None:
     """Return a state of the set that one added regrasp turns into `after`, None if there is none."""
-    if not onto.right:
-        swapped = Onto(True, onto.own, onto.other, onto.helper)
-        found = before_regrasp(flipped(states), covers, swapped, (after[1], after[0]))
-        return None if found is None else (found[1], found[0])
-    new, other = after
+    new, other = after if onto.right else (after[1], after[0])
     for old in range(OFF):
-        if not (onto.own >> old & 1 and onto.own >> new & 1 and states[old] >> other & 1):
+        before = (old, other) if onto.right else (other, old)
+        if not (onto.own >> old & 1 and onto.own >> new & 1 and states[before[0]] >> before[1] & 1):
             continue
         if onto.helper:
             possible = covers.compatible[old] & covers.compatible[new] & onto.other != 0
         else:
             possible = bool(onto.other >> other & 1 and (other == OFF or covers.compatible[new] >> other & 1))
         if possible:
-            return old, other
+            return before
     return None

@@ -10,11 +10,8 @@ from preshape.planner.area_problem import AreaProblem
 from preshape.planner.literal_order import GraspSpan
 from preshape.planner.procedure import HANDS, Block, Hand, Task
 from preshape.planner.region import WHOLE
-from preshape.planner.regrasp_move import needs_helper, regrasp_task
+from preshape.planner.regrasp_move import Move, needs_helper, regrasp_task
 from preshape.planner.task_areas import Limits, TaskAreas
-
-Move = tuple[Hand, int]
-"""A regrasp of a hand after a task, numbered as when it is added."""
 
 BothLimits = tuple[Limits, Limits]
 """The right and the left hand's."""
@@ -59,16 +56,18 @@ class GraspGroup(NamedTuple):
         tasks = (*self.tasks[:after], cut.limits, *self.tasks[after:])
         spans: list[GraspSpan] = []
         for span in self.spans:
-            first, last = span.first + (span.first > after), span.last + (span.last > after)
-            if not span.first <= after < span.last:
-                spans.append(GraspSpan(first, last, span.hand, span.free, span.allowed))
-            elif span.hand == hand:
-                spans += [_span(tasks, hand, first, added), _span(tasks, hand, added, last)]
+            first, last, side, free, allowed = span
+            if last <= after:
+                spans.append(span)
+            elif first > after:
+                spans.append(GraspSpan(first + 1, last + 1, side, free, allowed))
+            elif side == hand:
+                spans += (_span(tasks, hand, first, added), _span(tasks, hand, added, last + 1))
             else:
-                free, allowed = cut.limits[span.hand]
-                spans.append(GraspSpan(first, last, span.hand, span.free & free, span.allowed & allowed))
+                beside, left = cut.limits[side]
+                spans.append(GraspSpan(first, last + 1, side, free & beside, allowed & left))
         if cut.helper:
-            spans.append(_span(tasks, 1 - hand, added, added))
+            spans.append(GraspSpan(added, added, 1 - hand, *cut.limits[1 - hand]))
         cuts = (*self.cuts[:after], self.cuts[after - 1], *self.cuts[after:])
         move: Move = (HANDS[hand], self.start + after)
         return GraspGroup(self.start, tasks, cuts, tuple(spans), (*self.moves, move), added)

@@ -108,11 +108,26 @@ class GraspForest:
 
     def complete(self) -> bool:
         """Return whether some order leaves each grasp a component."""
-        for span in self._spans:
-            if not surviving(span.free) & span.allowed:
+        for _, _, _, free, allowed in self._spans:
+            if not surviving(free) & allowed:
                 return False
+        if not all([self._led(root) for root in self._roots]):
+            return False
         numbers = self._numbers()
         return all([self._subtrees.regions(numbers[root], 0) for root in self._roots])
+
+    def _led(self, index: int, above: int = -1) -> bool:
+        """Return False if no grasp of a subtree, `above` it another, can be the highest of all.
+
+        The highest has all that is free for it, and each grasp that it meets a component in what that leaves.
+        """
+        spans, children = self._spans, self._children[index]
+        free = ~spans[index].free
+        for met in children if above < 0 else (*children, above):
+            _, _, _, region, allowed = spans[met]
+            if not surviving(region & free) & allowed:
+                return any([self._led(child, index) for child in children])
+        return True
 
     def order(self) -> tuple[int, ...] | None:
         """Return an order of the grasps, highest priority first, that leaves each a component; None if none does."""

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from preshape.planner.area_problem import AreaProblem
 from preshape.planner.component import surviving
-from preshape.planner.literal_group import NO_GRASP, GraspGroup, Move, grasp_groups
+from preshape.planner.literal_group import NO_GRASP, GraspGroup, grasp_groups
 from preshape.planner.literal_order import GraspForest, GraspSpan, Subtrees
 from preshape.planner.procedure import Block, Procedure
 from preshape.planner.region import WHOLE
+from preshape.planner.regrasp_move import Move
 from preshape.planner.task_areas import Limits
 
 

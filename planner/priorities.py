@@ -31,14 +31,14 @@ def derive_priorities(procedure: Procedure) -> dict[Block, int]:
 
     Blocks are placed in `placing_order`. For the paper's procedure this is eq. (3).
     """
-    placed: dict[Block, int] = {}
+    placed: list[tuple[Block, int]] = []
     for block in placing_order(procedure):
-        taken = {placed[other] for other in procedure.meeting(block) if other in placed}
+        taken = [priority for other, priority in placed if block.meets(other)]
         priority = base_priority(procedure, block)
         while priority in taken:
             priority += 1
-        placed[block] = priority
-    return placed
+        placed.append((block, priority))
+    return dict(placed)
 
 
 def priorities_in_order(procedure: Procedure, order: Iterable[Block]) -> dict[Block, int]:

@@ -132,14 +132,17 @@ class Procedure:
         where = f"task {number} ({task.name})"
         if task.main != "none" and self.at(task.main, number) is None:
             raise ValueError(f"{where}: main resource {task.main} has no area there")
-        if task.holder is not None and not self._grasps(task.holder, number):
+        if task.holder is not None and not self._grasps(task.holder, number, number):
             raise ValueError(f"{where}: holder {task.holder} has no grasp there")
         before = None if number == 1 else self.tasks[number - 2].holder
         if before is not None and not self._grasps(before, number - 1, number):
             raise ValueError(f"{where}: {before} held the box before but does not keep its grasp into this task")
 
-    def _grasps(self, hand: Hand, *numbers: int) -> bool:
-        return any(b.resource == hand and b.want == "grasp" and b.covers(*numbers) for b in self.blocks)
+    def _grasps(self, hand: Hand, first: int, last: int) -> bool:
+        for b in self.blocks:
+            if b.resource == hand and b.want == "grasp" and b.first <= first and last <= b.last:
+                return True
+        return False
 
     def numbered(self) -> Iterator[tuple[int, Task]]:
         """Yield every task with its number, from 1."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 
 from preshape.planner.procedure import HANDS, Block, Hand, Procedure, Task
+
+Move = tuple[Hand, int]
+"""A regrasp of a hand after a task."""
 
 
 def regrasp_task(hand: Hand, holder: Hand | None) -> Task:
@@ -21,17 +24,7 @@ def needs_helper(procedure: Procedure, hand: Hand, after: int) -> bool | None:
     None: `hand` keeps no grasp from that task into the next, or it alone holds the box while the other works. No
     helper is needed while the box rests or the other hand keeps its own grasp over both tasks.
     """
-    other = HANDS[1 - HANDS.index(hand)]
-    spanning = [b for b in procedure.blocks if b.first <= after < b.last]
-    own = next((b for b in spanning if b.resource == hand), None)
-    others = next((b for b in spanning if b.resource == other), None)
-    if own is None or own.want != "grasp":
-        return None
-    if procedure.tasks[after - 1].holder != hand:
-        return False
-    if others is None:
-        return True
-    return False if others.want == "grasp" else None
+    return _helper(procedure.tasks, procedure.blocks, hand, after)
 
 
 def with_regrasp(procedure: Procedure, hand: Hand, after: int) -> Procedure:
@@ -43,18 +36,48 @@ def with_regrasp(procedure: Procedure, hand: Hand, after: int) -> Procedure:
     Raises:
         ValueError: where `needs_helper` is None.
     """
-    helper = needs_helper(procedure, hand, after)
-    if helper is None:
-        raise ValueError(f"no regrasp of {hand} after task {after}: it keeps no grasp that the other could relieve")
-    added = after + 1
-    blocks: list[Block] = []
-    for block in procedure.blocks:
-        moved = replace(block, first=block.first + (block.first > after), last=block.last + (block.last > after))
-        if block.resource == hand and block.covers(after, added):
-            blocks += [replace(moved, last=added), replace(moved, first=added)]
-        else:
-            blocks.append(moved)
-    if helper:
-        blocks.append(Block(HANDS[1 - HANDS.index(hand)], added, added))
-    task = regrasp_task(hand, procedure.tasks[after - 1].holder)
-    return Procedure((*procedure.tasks[:after], task, *procedure.tasks[after:]), tuple(blocks))
+    return with_regrasps(procedure, ((hand, after),))
+
+
+def with_regrasps(procedure: Procedure, moves: Iterable[Move]) -> Procedure:
+    """Return the procedure with these regrasps added, one after the other; see `with_regrasp`.
+
+    Tasks are counted as they are when the regrasp is added.
+    """
+    tasks, blocks = list(procedure.tasks), list(procedure.blocks)
+    for hand, after in moves:
+        helper = _helper(tasks, blocks, hand, after)
+        if helper is None:
+            raise ValueError(f"no regrasp of {hand} after task {after}: it keeps no grasp that the other could relieve")
+        added, moved = after + 1, list[Block]()
+        for block in blocks:
+            if block.last <= after:
+                moved.append(block)
+            elif block.first > after:
+                moved.append(Block(block.resource, block.first + 1, block.last + 1, block.want))
+            elif block.resource == hand:
+                moved += (Block(hand, block.first, added), Block(hand, added, block.last + 1))
+            else:
+                moved.append(Block(block.resource, block.first, block.last + 1, block.want))
+        if helper:
+            moved.append(Block(HANDS[1 - HANDS.index(hand)], added, added))
+        blocks = moved
+        tasks.insert(after, regrasp_task(hand, tasks[after - 1].holder))
+    return Procedure(tuple(tasks), tuple(blocks))
+
+
+def _helper(tasks: Sequence[Task], blocks: Sequence[Block], hand: Hand, after: int) -> bool | None:
+    own, others = None, None
+    for block in blocks:
+        if block.first <= after < block.last:
+            if block.resource == hand:
+                own = block
+            elif block.resource in HANDS:
+                others = block
+    if own is None or own.want != "grasp":
+        return None
+    if tasks[after - 1].holder != hand:
+        return False
+    if others is None:
+        return True
+    return False if others.want == "grasp" else None

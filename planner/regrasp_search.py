@@ -10,12 +10,12 @@ from preshape.planner.areas import Reading
 from preshape.planner.certificate import Certificate
 from preshape.planner.committed_domains import committed_certificate, given_clash
 from preshape.planner.component import surviving
-from preshape.planner.handover_path import Move, fewest_moves
+from preshape.planner.handover_path import fewest_moves
 from preshape.planner.literal_regions import literal_certificate, literal_masks
 from preshape.planner.literal_search import fewest_literal_moves, literal_order
 from preshape.planner.priorities import default_order, derive_priorities, priorities_in_order
 from preshape.planner.procedure import Block, Procedure
-from preshape.planner.regrasp_move import with_regrasp
+from preshape.planner.regrasp_move import Move, with_regrasps
 from preshape.planner.sections import split
 
 LITERAL_LIMIT = 2
@@ -68,9 +68,7 @@ def fewest_regrasps(
 
 def with_moves(procedure: Procedure, moves: tuple[Move, ...]) -> Procedure:
     """Return the procedure with these regrasps added, in order; task numbers as before any was added."""
-    for added, (hand, after) in enumerate(moves):
-        procedure = with_regrasp(procedure, hand, after + added)
-    return procedure
+    return with_regrasps(procedure, ((hand, after + added) for added, (hand, after) in enumerate(moves)))
 
 
 def _committed(problem: AreaProblem) -> RegraspPlan:
@@ -108,8 +106,7 @@ def _literal(problem: AreaProblem, limit: int) -> RegraspPlan:
         cause = _literal_cause(problem, tuple(sorted(procedure.blocks, key=priorities.__getitem__)))
         cause = replace(cause, scope=f"no other order and up to {limit} added regrasps do not help")
         return RegraspPlan(procedure, priorities, 0, False, cause)
-    for hand, after in moves:
-        procedure = with_regrasp(procedure, hand, after)
+    procedure = with_regrasps(procedure, moves)
     changed = replace(problem, procedure=procedure)
     order = default_order(procedure)
     if all(_left(changed, block, mask) for block, mask in literal_masks(changed, order).items()):
