@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import cast
 
 from preshape.hal.world import Opening
@@ -71,14 +72,10 @@ class AreaProblem:
         asked, able = self._asked.get((hand, task), (0, 0))
         new = among & ~asked
         if new:
-            every = all_components(self.sections.long_axis)
-            asked |= new
-            while new:
-                one = new & -new
-                if self.usable(hand, task, every[one.bit_length() - 1]):
-                    able |= one
-                new ^= one
-            self._asked[hand, task] = asked, able
+            for bit, component in _numbered(self.sections.long_axis, new):
+                if self.usable(hand, task, component):
+                    able |= bit
+            self._asked[hand, task] = asked | new, able
         return able & among
 
     def allowed_in(self, block: Block, among: int = EVERY) -> int:
@@ -93,3 +90,8 @@ class AreaProblem:
             if block.meets(other):
                 taken |= self.kept_out(other)
         return surviving(WHOLE & ~taken)
+
+
+@lru_cache(maxsize=4096)
+def _numbered(long_axis: int, chosen: int) -> tuple[tuple[int, Component], ...]:
+    return tuple((1 << k, component) for k, component in enumerate(all_components(long_axis)) if chosen >> k & 1)

@@ -100,6 +100,7 @@ class _Layers:
         self.tasks = tasks
         self._areas = areas
         self._moves: dict[int, tuple[Onto, ...]] = {}
+        self._left: list[States] = [NO_STATES] * len(tasks)
         self._moved: list[States] = [NO_STATES] * len(tasks)
         self.inside: list[list[States]] = []
         self.beyond: list[list[States]] = []
@@ -127,8 +128,13 @@ class _Layers:
         states: States = (*NO_STATES[:OFF], OFF_BIT)
         inside, beyond = list[States](), list[States]()
         for number in range(len(self.tasks)):
-            inside.append(self.enter(number, states))
-            states = union(self.leave(number, inside[-1]), self._moved_on(number))
+            if not self.beyond or (number and states != self.beyond[-1][number - 1]):
+                entered = self.enter(number, states)
+                self._left[number] = self.leave(number, entered)
+            else:
+                entered = self.inside[-1][number]
+            inside.append(entered)
+            states = union(self._left[number], self._moved_on(number))
             beyond.append(states)
         self.inside.append(inside)
         self.beyond.append(beyond)
