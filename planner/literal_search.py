@@ -9,7 +9,7 @@ from __future__ import annotations
 from preshape.planner.area_problem import AreaProblem
 from preshape.planner.component import surviving
 from preshape.planner.literal_group import NO_GRASP, GraspGroup, grasp_groups
-from preshape.planner.literal_order import GraspSpan, grasp_order
+from preshape.planner.literal_order import GraspForest, GraspSpan, Subtrees
 from preshape.planner.procedure import Block, Procedure
 from preshape.planner.region import WHOLE
 from preshape.planner.regrasp_move import Move
@@ -35,7 +35,7 @@ def literal_order(problem: AreaProblem) -> tuple[Block, ...] | None:
         spans.append(
             GraspSpan(block.first, block.last, ("r", "l").index(block.resource), free, problem.allowed_in(block))
         )
-    order = grasp_order(spans)
+    order = GraspForest(tuple(spans)).order()
     given = (b for b in problem.procedure.blocks if b.want != "grasp")
     return None if order is None else (*given, *(grasps[k] for k in order))
 
@@ -45,7 +45,7 @@ def fewest_literal_moves(problem: AreaProblem, limit: int) -> tuple[Move, ...] |
     groups = grasp_groups(problem)
     if not all(_each_alone(group) for group in groups):
         return None
-    failing = [group for group in groups if grasp_order(group.spans) is None]
+    failing = [group for group in groups if not GraspForest(group.spans).complete()]
     spare = limit - len(failing)
     if spare < 0 or any(group.shares and not _can_share(group) for group in failing):
         return None
@@ -62,11 +62,11 @@ def fewest_literal_moves(problem: AreaProblem, limit: int) -> tuple[Move, ...] |
 
 def _fewest(group: GraspGroup, limit: int) -> tuple[Move, ...] | None:
     """Return the fewest regrasps, 1 to `limit`, for a group that has no order without."""
-    groups, can_share = [group], _can_share(group)
+    groups, can_share, subtrees = [group], _can_share(group), Subtrees()
     for _ in range(limit):
         groups = [g for shorter in groups for g in shorter.longer() if can_share or not g.shares]
         for g in groups:
-            if grasp_order(g.spans) is not None:
+            if GraspForest(g.spans, subtrees).complete():
                 return g.moves
     return None
 

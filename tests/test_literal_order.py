@@ -10,7 +10,7 @@ import numpy as np
 from preshape.planner.area_problem import AreaProblem
 from preshape.planner.component import surviving
 from preshape.planner.literal_group import GraspGroup, grasp_groups
-from preshape.planner.literal_order import GraspSpan, grasp_order
+from preshape.planner.literal_order import GraspForest, GraspSpan
 from preshape.planner.sections import split
 from preshape.tools.random_procedure import random_case
 
@@ -50,7 +50,7 @@ def test_an_order_is_found_where_one_of_all_permutations_leaves_each_grasp_a_com
     found: Counter[tuple[bool, int]] = Counter()
     for group in groups_with_regrasps(200):
         spans = group.spans
-        order = grasp_order(spans)
+        order = GraspForest(spans).order()
         assert (order is not None) == any(served(spans, o) for o in permutations(range(len(spans)))), spans
         assert order is None or (sorted(order) == list(range(len(spans))) and served(spans, order)), spans
         found[order is not None, len(group.moves)] += 1
