@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import cast
 
 from preshape.hal.world import Opening
-from preshape.planner.component import EVERY, Component, all_components, on_end_caps, surviving
+from preshape.planner.component import EVERY, Component, numbered, on_end_caps, surviving
 from preshape.planner.hand_cover import Covers, hand_covers
 from preshape.planner.procedure import Block, Hand, Procedure, Task
 from preshape.planner.region import WHOLE
@@ -72,7 +71,7 @@ class AreaProblem:
         asked, able = self._asked.get((hand, task), (0, 0))
         new = among & ~asked
         if new:
-            for bit, component in _numbered(self.sections.long_axis, new):
+            for bit, component in numbered(self.sections.long_axis, new):
                 if self.usable(hand, task, component):
                     able |= bit
             self._asked[hand, task] = asked | new, able
@@ -90,8 +89,3 @@ class AreaProblem:
             if block.meets(other):
                 taken |= self.kept_out(other)
         return surviving(WHOLE & ~taken)
-
-
-@lru_cache(maxsize=4096)
-def _numbered(long_axis: int, chosen: int) -> tuple[tuple[int, Component], ...]:
-    return tuple((1 << k, component) for k, component in enumerate(all_components(long_axis)) if chosen >> k & 1)

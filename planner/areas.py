@@ -129,14 +129,14 @@ def _area(
         block,
         priority,
         Region(axis, mask),
-        tuple(selected(axis, found)),
-        tuple(selected(axis, found & candidates)),
+        selected(axis, found),
+        selected(axis, found & candidates),
         chosen,
     )
 
 
 def _picked(problem: AreaProblem, block: Block, candidates: int, choose: Choose) -> Component:
-    offered = tuple(selected(problem.sections.long_axis, candidates))
+    offered = selected(problem.sections.long_axis, candidates)
     chosen = choose(block, offered)
     if chosen not in offered:
         raise ValueError(f"choice for {block}: {chosen} is none of its {len(offered)} candidates")

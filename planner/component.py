@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from numpy.typing import ArrayLike
 
@@ -90,15 +89,18 @@ EVERY = (1 << len(component_masks())) - 1
 """All components, as bits."""
 
 
-def selected(long_axis: int, chosen: int) -> Iterator[Component]:
-    """Yield the components whose bits are set."""
-    every = all_components(long_axis)
-    while chosen:
-        yield every[(chosen & -chosen).bit_length() - 1]
-        chosen &= chosen - 1
+@lru_cache(maxsize=4096)
+def numbered(long_axis: int, chosen: int) -> tuple[tuple[int, Component], ...]:
+    """Return the components whose bits are set, each with its bit."""
+    return tuple((1 << k, component) for k, component in enumerate(all_components(long_axis)) if chosen >> k & 1)
+
+
+def selected(long_axis: int, chosen: int) -> tuple[Component, ...]:
+    """Return the components whose bits are set."""
+    return tuple([component for _, component in numbered(long_axis, chosen)])
 
 
 def components_in(region: Region, palm_on_end_caps_only: bool = False) -> tuple[Component, ...]:
     """Return the components of an area: those whose three patches all lie in its region."""
     chosen = surviving(region.mask) & (on_end_caps() if palm_on_end_caps_only else EVERY)
-    return tuple(selected(region.long_axis, chosen))
+    return selected(region.long_axis, chosen)

@@ -84,7 +84,7 @@ class _Areas:
 class HandoverSearch:
     """The moves found, fewest first of all; or None and the first task that no number of them leads into.
 
-    Tasks are numbered as before any was added. `alone`: that task has no grasps even by itself.
+    `alone`: that task has no grasps even by itself.
     """
 
     moves: tuple[Move, ...] | None
@@ -166,7 +166,7 @@ class _Layers:
                 state, hand = self._undone(level, number, state)
                 moves.append((hand, number + 1))
             state = self._held(level, number, state)
-        return tuple(reversed(moves))
+        return tuple((hand, after + added) for added, (hand, after) in enumerate(reversed(moves)))
 
     def _undone(self, level: int, number: int, state: tuple[int, int]) -> tuple[tuple[int, int], Hand]:
         for onto in self.moves(number):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from preshape.planner.procedure import HANDS, Block, Hand, Procedure, Task
 
 Move = tuple[Hand, int]
-"""A regrasp of a hand after a task."""
+"""A regrasp of a hand after a task; tasks are counted as they are when it is added."""
 
 
 def regrasp_task(hand: Hand, holder: Hand | None) -> Task:
@@ -27,22 +27,14 @@ def needs_helper(procedure: Procedure, hand: Hand, after: int) -> bool | None:
     return _helper(procedure.tasks, procedure.blocks, hand, after)
 
 
-def with_regrasp(procedure: Procedure, hand: Hand, after: int) -> Procedure:
-    """Return the procedure with a regrasp of `hand` added after task number `after`.
+def with_regrasps(procedure: Procedure, *moves: Move) -> Procedure:
+    """Return the procedure with these regrasps added, one after the other.
 
     Blocks that run over the cut keep their area through the added task. The hand's own block ends in it and a new
     one begins in it. A helping hand has a block of that task alone: the box goes over to it and comes back.
 
     Raises:
         ValueError: where `needs_helper` is None.
-    """
-    return with_regrasps(procedure, ((hand, after),))
-
-
-def with_regrasps(procedure: Procedure, moves: Iterable[Move]) -> Procedure:
-    """Return the procedure with these regrasps added, one after the other; see `with_regrasp`.
-
-    Tasks are counted as they are when the regrasp is added.
     """
     tasks, blocks = list(procedure.tasks), list(procedure.blocks)
     for hand, after in moves:

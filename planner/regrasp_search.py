@@ -15,7 +15,7 @@ from preshape.planner.literal_regions import literal_certificate, literal_masks
 from preshape.planner.literal_search import fewest_literal_moves, literal_order
 from preshape.planner.priorities import default_order, derive_priorities, priorities_in_order
 from preshape.planner.procedure import Block, Procedure
-from preshape.planner.regrasp_move import Move, with_regrasps
+from preshape.planner.regrasp_move import with_regrasps
 from preshape.planner.sections import split
 
 LITERAL_LIMIT = 2
@@ -66,16 +66,11 @@ def fewest_regrasps(
     return _literal(problem, limit) if reading == "literal" else _committed(problem)
 
 
-def with_moves(procedure: Procedure, moves: tuple[Move, ...]) -> Procedure:
-    """Return the procedure with these regrasps added, in order; task numbers as before any was added."""
-    return with_regrasps(procedure, ((hand, after + added) for added, (hand, after) in enumerate(moves)))
-
-
 def _committed(problem: AreaProblem) -> RegraspPlan:
     procedure = problem.procedure
     found = fewest_moves(problem)
     if found.moves is not None:
-        changed = with_moves(procedure, found.moves)
+        changed = with_regrasps(procedure, *found.moves)
         return RegraspPlan(changed, derive_priorities(changed), len(found.moves), False, None)
     if found.alone and found.stuck_at is not None:
         certificate = _single_task_cause(problem, found.stuck_at)
@@ -106,7 +101,7 @@ def _literal(problem: AreaProblem, limit: int) -> RegraspPlan:
         cause = _literal_cause(problem, tuple(sorted(procedure.blocks, key=priorities.__getitem__)))
         cause = replace(cause, scope=f"no other order and up to {limit} added regrasps do not help")
         return RegraspPlan(procedure, priorities, 0, False, cause)
-    procedure = with_regrasps(procedure, moves)
+    procedure = with_regrasps(procedure, *moves)
     changed = replace(problem, procedure=procedure)
     order = default_order(procedure)
     if all(_left(changed, block, mask) for block, mask in literal_masks(changed, order).items()):

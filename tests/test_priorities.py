@@ -15,7 +15,7 @@ from preshape.planner.priorities import (
     priority_table,
 )
 from preshape.planner.procedure import PAPER_PROCEDURE, Block, Procedure, Task
-from preshape.planner.regrasp_move import needs_helper, with_regrasp
+from preshape.planner.regrasp_move import needs_helper, with_regrasps
 from preshape.tools.random_procedure import random_procedure
 
 
@@ -126,10 +126,10 @@ def test_added_regrasp_keeps_all_other_areas_and_ends_the_hands_own_in_it() -> N
                 helper = needs_helper(procedure, hand, after)
                 if helper is None:
                     with pytest.raises(ValueError, match="no regrasp"):
-                        with_regrasp(procedure, hand, after)
+                        with_regrasps(procedure, (hand, after))
                     continue
                 added += 1
-                changed = with_regrasp(procedure, hand, after)
+                changed = with_regrasps(procedure, (hand, after))
                 assert len(changed.tasks) == len(procedure.tasks) + 1
                 assert len(changed.blocks) == len(procedure.blocks) + 1 + helper
                 assert sum(b.resource == hand and b.covers(after + 1) for b in changed.blocks) == 2

@@ -15,7 +15,7 @@ from preshape.planner.areas import Reading
 from preshape.planner.component import Component
 from preshape.planner.hand_cover import PALM_WIDTH
 from preshape.planner.procedure import HANDS, Block, Hand, Procedure, Task
-from preshape.planner.regrasp_move import needs_helper, with_regrasp
+from preshape.planner.regrasp_move import needs_helper, with_regrasps
 from preshape.tools.random_procedure import AreaCase
 
 Patch = tuple[int, Face]
@@ -211,7 +211,7 @@ def exhaustive_regrasps(oracle: AreaOracle, reading: Reading, limit: int) -> int
         if any(feasible(oracle, procedure, reading) for procedure in level):
             return regrasps
         level = {
-            with_regrasp(procedure, hand, after)
+            with_regrasps(procedure, (hand, after))
             for procedure in level
             for after in range(1, len(procedure.tasks))
             for hand in HANDS
