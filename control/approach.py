@@ -12,17 +12,16 @@ from preshape.control.body import Body
 from preshape.control.carrier import Carrier
 from preshape.control.contact_policy import Phase, Settling, apply_policy
 from preshape.control.failure import TaskFailed
-from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
+from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist, hand_error
 from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
 from preshape.control.groups import GROUPS
 from preshape.control.motions import Motion, between, eased, limited, ticks
 from preshape.control.obstacles import Kind, Obstacles
-from preshape.control.potentials import pose_error
 from preshape.control.sight import Sight
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.state import Vector
 from preshape.hal.tick_record import TickRecord, note_field
-from preshape.hal.transform import Matrix, exp_so3, inverse, transform
+from preshape.hal.transform import Matrix, exp_so3, inverse, length, transform
 from preshape.hal.world import NominalBox, Opening, OrientedBox, face_normal
 from preshape.planner.work_object import WorkObject
 
@@ -148,13 +147,13 @@ def approach(
         X_world_box = sight.X_world_box
         X_led = X_world_box if carrier is None else carrier.ahead(X_world_box)
         goal = HandGoal(X_led @ X_box_palm, preshape)
-        moved = carrier is None and not np.allclose(X_world_box, goal_box, atol=0.004)
+        moved = carrier is None and float(np.abs(X_world_box - goal_box).max()) > MOVED
         if clearance is None or new_obstacle or moved:
             clearance, goal_box = goal_clearance(guide.field, side, goal), X_world_box
         joints = body.position[LAYOUT.hand(side)]
         X_palm = body.palm(side)
-        error = goal_error(goal, X_palm, joints)
-        position, turn = (float(np.linalg.norm(part)) for part in pose_error(goal.X_world_palm, X_palm))
+        off = hand_error(goal, X_palm, joints)
+        error, position, turn = goal_error(off), length(off.position), length(off.turn)
         if phase is Phase.APPROACH and position < limits.preshape_within_m:
             phase = Phase.PRESHAPE
         settled = settling.update(error) if phase is Phase.PRESHAPE else 0.0
@@ -168,14 +167,11 @@ def approach(
         twist_box = carrier.twist if carrier is not None else None
         if twist_box is not None:
             feed = carried_twist(twist_box, X_world_box[:3, 3], X_palm[:3, 3])
-        motion = guide.field.motion(side, goal, joints, feed)
+        motion = guide.field.motion(side, off, feed)
         X_asked = _advance(X_asked, X_palm, motion.twist, limits, body.period_s)
         body.ask_palm(side, X_asked)
-        fingers = body.asked_fingers(side) + body.period_s * np.clip(
-            motion.joints, -limits.joint_speed, limits.joint_speed
-        )
-        body.ask_fingers(side, np.clip(fingers, LAYOUT.lower[LAYOUT.hand(side)], LAYOUT.upper[LAYOUT.hand(side)]))
-        finger_error = float(np.abs(goal.joints - joints).max())
+        _ask_fingers(body, side, motion.joints, limits)
+        finger_error = float(np.abs(off.joints).max())
         if position < limits.position_m and turn < limits.turn_rad and finger_error < limits.joints_rad:
             return
         jumps_now = sight.estimate.jumps if sight.estimate is not None else 0
@@ -229,20 +225,29 @@ def insert(
             clearance = goal_clearance(guide.field, side, goal)
         joints = body.position[hand]
         apply_policy(guide.field.gains, guide.obstacles, side, Phase.NEAR)
-        shorten_ranges(guide.field, side, clearance, goal_error(goal, body.palm(side), joints))
+        off = hand_error(goal, body.palm(side), joints)
+        shorten_ranges(guide.field, side, clearance, goal_error(off))
         guide.field.evaluate()
         if k % 10 == 0:
             guide.read()
-        speeds = np.clip(guide.field.motion(side, goal, joints).joints, -limits.joint_speed, limits.joint_speed)
-        fingers = body.asked_fingers(side) + body.period_s * speeds
-        body.ask_fingers(side, np.clip(fingers, LAYOUT.lower[hand], LAYOUT.upper[hand]))
+        _ask_fingers(body, side, guide.field.motion(side, off).joints, limits)
         yield
 
 
+MOVED = 0.004
+"""An element of the object's pose that has changed by more has moved it: m, or of its rotation."""
 FOLLOW_M, FOLLOW_S = 0.012, 0.05
 """A hand that is farther than this from where it is led, for so long, is not inserted any further, m and s."""
 LEAD_M = 0.03
 """How far the asked palm may run ahead of the measured one, m."""
+
+
+def _ask_fingers(body: Body, side: Side, speed: Vector, limits: ApproachLimits) -> None:
+    """Ask the fingers to go on for one period at joint speeds (13), rad/s, cut, and within their range."""
+    hand = LAYOUT.hand(side)
+    speed = np.minimum(np.maximum(speed, -limits.joint_speed), limits.joint_speed)
+    fingers = body.asked_fingers(side) + body.period_s * speed
+    body.ask_fingers(side, np.minimum(np.maximum(fingers, LAYOUT.lower[hand]), LAYOUT.upper[hand]))
 
 
 def _advance(X_asked: Matrix, X_measured: Matrix, twist: Matrix, limits: ApproachLimits, dt: float) -> Matrix:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from preshape.control.rectified import project, sample
-from preshape.hal.transform import Matrix, exp_so3, inverse, log_so3
+from preshape.hal.transform import Matrix, cross, exp_so3, inverse, log_so3
 from preshape.hal.world import FACES, CameraModel, Face, face_normal
 
 _STEP_M = 0.003
@@ -155,7 +155,7 @@ def _profile(
     reach_px: float,
 ) -> _Profile | None:
     middle = (normals[0] + normals[1]) * size / 2
-    along = np.cross(*normals)
+    along = cross(*normals)
     half = float(np.abs(along) @ size) / 2 - _CORNER_GAP_M
     s = np.linspace(-1.0, 1.0, max(8, int(2 * half / _STEP_M)))
     pixels = _pixels(camera, X_world_box, middle + np.outer(s * half, along))

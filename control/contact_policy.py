@@ -67,7 +67,6 @@ _STILL = Rule(0.0, 0.0, Contact.AVOID)
 _MAY = Rule(0.0, 0.0, Contact.MAY)
 _MUST = Rule(0.0, 0.0, Contact.MUST)
 
-_KINDS = tuple(Kind)
 Row = tuple[Rule, Rule, Rule, Rule, Rule]
 """Rules of palm, thumb, fore, middle, ring."""
 
@@ -161,25 +160,24 @@ def apply_policy(
     """
     if not 0.0 <= settled <= 1.0 or (settled > 0.0 and phase is not Phase.PRESHAPE):
         raise ValueError(f"settled: got {settled} in phase {phase}, allowed is 0 .. 1 in phase preshape, else 0")
-    base, joints, left_out = _gains(phase, used)
+    hand, kinds = SIDES.index(side), tuple(obstacles.kinds)
+    base, joints, left_out = _gains(phase, kinds, used)
     if settled > 0.0:
-        near_base, near_joints, _ = _gains(Phase.NEAR, used)
+        near_base, near_joints, _ = _gains(Phase.NEAR, kinds, used)
         base, joints = base + settled * (near_base - base), joints + settled * (near_joints - joints)
-    hand, bodies = SIDES.index(side), obstacles.bodies
-    kinds = [_KINDS.index(kind) for kind in obstacles.kinds]
-    gains.base[hand, :, :bodies] = base[kinds].T
-    gains.joints[hand, :, :bodies] = joints[kinds].T
-    gains.ignored[hand, :, :bodies] = left_out[kinds].T
+    gains.base[hand, :, : len(kinds)] = base
+    gains.joints[hand, :, : len(kinds)] = joints
+    gains.ignored[hand, :, : len(kinds)] = left_out
 
 
 @cache
-def _gains(phase: Phase, used: frozenset[Member]) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:
-    """Return a phase's gains on base and joints, and who is left out of the minimum, each (kinds, members)."""
-    cells = [[rule(phase, kind, member, used) for member in MEMBERS] for kind in _KINDS]
+def _gains(phase: Phase, kinds: tuple[Kind, ...], used: frozenset[Member]) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:
+    """Return a phase's gains on base and joints, and who is left out of the minimum, each (members, bodies)."""
+    cells = [[rule(phase, kind, member, used) for kind in kinds] for member in MEMBERS]
     return (
         np.array([[cell.base for cell in row] for row in cells]),
         np.array([[cell.joints for cell in row] for row in cells]),
-        np.array([[is_left_out(phase, kind, member, used) for member in MEMBERS] for kind in _KINDS]),
+        np.array([[is_left_out(phase, kind, member, used) for kind in kinds] for member in MEMBERS]),
     )
 
 

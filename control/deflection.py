@@ -22,7 +22,7 @@ import numpy as np
 from preshape.control.approach import ApproachLimits, FieldGuide
 from preshape.control.body import Body
 from preshape.control.contact_policy import Phase, apply_policy
-from preshape.control.field import HandGoal
+from preshape.control.field import HandError, HandGoal, hand_error
 from preshape.control.goal_clearance import SHARE, SLOPE, goal_clearance, goal_error
 from preshape.control.groups import GROUPS, PART_GROUPS
 from preshape.control.motions import limited
@@ -63,7 +63,7 @@ class Deflection:
         hand = LAYOUT.hand(side)
         guide.refresh()
         apply_policy(guide.field.gains, guide.obstacles, side, phase)
-        off = goal_error(way, body.palm(side), body.position[hand])
+        off = goal_error(hand_error(way, body.palm(side), body.position[hand]))
         near = np.minimum(guide.field.parameters.range_m, SHARE * self._clearance + SLOPE * off)
         guide.field.gains.reach[SIDES.index(side)] = np.where(self._clearance > 0.0, near, 0.0)
         guide.field.evaluate()
@@ -80,7 +80,7 @@ class Deflection:
     def _drift(self) -> None:
         """Move the offset by one period."""
         field, limits, dt = self._guide.field, self._limits, self._body.period_s
-        push, pull = field.repulsion(self._side), field.pull(-self._p, -self._w, -self._joints)
+        push, pull = field.repulsion(self._side), field.attraction(HandError(-self._p, -self._w, -self._joints))
         twist, joints = push.twist + pull.twist, push.joints + pull.joints
         self._p += dt * limited(twist[:3], limits.speed)
         self._w += dt * limited(twist[3:], limits.turn_speed)

@@ -7,7 +7,7 @@ all groups, the joints only that of their own group; `FieldGains` says which of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from preshape.control.link_boxes import LinkBoxes, hand_nodes
 from preshape.control.obstacles import MAX_BODIES, MAX_BOXES, Obstacles
 from preshape.control.potentials import FieldParameters, attraction, pose_error
 from preshape.hal.layout import HAND_DOF, LAYOUT, SIDES, Side
-from preshape.hal.transform import Matrix
+from preshape.hal.transform import Matrix, cross
 
 FieldMode = Literal["grouped", "summed"]
 FIELD_MODES: tuple[FieldMode, FieldMode] = ("grouped", "summed")
@@ -92,6 +92,14 @@ class HandGoal:
     joints: Matrix
 
 
+class HandError(NamedTuple):
+    """How far a hand is off its goal: its base by a position (3,), m, and a turn (3,), rad; its joints (13,), rad."""
+
+    position: Matrix
+    turn: Matrix
+    joints: Matrix
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class HandMotion:
     """What the field asks of one hand.
@@ -148,27 +156,21 @@ class Field:
         twist = np.concatenate([p.base_mobility * wrench[:3], p.turn_mobility * wrench[3:]])
         return HandMotion(twist, p.joint_mobility * self.results.torque[hand])
 
-    def attraction(self, side: Side, goal: HandGoal, joints: ArrayLike) -> HandMotion:
-        """Return the motion towards a goal from the links' present pose and the hand's 13 joint angles (rad)."""
-        return self.pull(*pose_error(goal.X_world_palm, self.links.palm(side)), goal.joints - np.asarray(joints))
-
-    def pull(self, position: Matrix, turn: Matrix, joints: Matrix) -> HandMotion:
-        """Return the motion that the attraction asks of a hand that is off by (3,), m, by (3,), and by (13,), rad."""
+    def attraction(self, off: HandError) -> HandMotion:
+        """Return the motion that the attraction asks of a hand that is off its goal."""
         p = self.parameters
-        force = attraction(position, p.pull_n, p.near_m)
-        torque = attraction(turn, p.pull_nm, p.near_rad)
-        joint_torque = attraction(joints, p.joint_pull_nm, p.joint_near_rad)
+        force = attraction(off.position, p.pull_n, p.near_m)
+        torque = attraction(off.turn, p.pull_nm, p.near_rad)
+        joint_torque = attraction(off.joints, p.joint_pull_nm, p.joint_near_rad)
         twist = np.concatenate([p.base_mobility * force, p.turn_mobility * torque])
         return HandMotion(twist, p.joint_mobility * joint_torque)
 
-    def motion(
-        self, side: Side, goal: HandGoal, joints: ArrayLike, feed_forward: ArrayLike | None = None
-    ) -> HandMotion:
+    def motion(self, side: Side, off: HandError, feed_forward: ArrayLike | None = None) -> HandMotion:
         """Return attraction plus repulsion of the last evaluation, plus a twist (6,) of the goal's frame at the palm.
 
         The feed-forward is what a moving box asks (`carried_twist`): the field then lives in the box's frame.
         """
-        pull, push = self.attraction(side, goal, joints), self.repulsion(side)
+        pull, push = self.attraction(off), self.repulsion(side)
         twist = pull.twist + push.twist
         if feed_forward is not None:
             twist = twist + np.asarray(feed_forward, dtype=np.float64)
@@ -193,8 +195,13 @@ class Field:
         return tuple(readings)
 
 
+def hand_error(goal: HandGoal, X_world_palm: Matrix, joints: Matrix) -> HandError:
+    """Return how far a hand at a palm pose and 13 joint angles (rad) is off a goal, in the world frame."""
+    return HandError(*pose_error(goal.X_world_palm, X_world_palm), goal.joints - joints)
+
+
 def carried_twist(twist: ArrayLike, p_from: ArrayLike, p_to: ArrayLike) -> Matrix:
     """Return the twist at p_to of a body whose twist (velocity, angular velocity) at p_from is given: v + w x r."""
     t = np.asarray(twist, dtype=np.float64)
     r = np.asarray(p_to, dtype=np.float64) - np.asarray(p_from, dtype=np.float64)
-    return np.concatenate([t[:3] + np.cross(t[3:], r), t[3:]])
+    return np.concatenate([t[:3] + cross(t[3:], r), t[3:]])

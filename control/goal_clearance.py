@@ -14,13 +14,12 @@ from __future__ import annotations
 import numpy as np
 
 from preshape.control.distances import Boxes, PairDistances, pair_distances
-from preshape.control.field import Field, HandGoal
+from preshape.control.field import Field, HandError, HandGoal
 from preshape.control.groups import GROUPS, PART_GROUPS
 from preshape.control.link_boxes import PART_COUNT, LinkBoxes, hand_nodes
 from preshape.control.obstacles import MAX_BODIES
-from preshape.control.potentials import pose_error
 from preshape.hal.layout import LAYOUT, SIDES, Side
-from preshape.hal.transform import Matrix, inverse
+from preshape.hal.transform import Matrix, inverse, length
 
 SHARE = 0.9
 """Share of the goal's clearance that the range keeps at the goal."""
@@ -66,11 +65,10 @@ def goal_clearance(field: Field, side: Side, goal: HandGoal) -> Matrix:
     return clearance
 
 
-def goal_error(goal: HandGoal, X_world_palm: Matrix, joints: Matrix) -> float:
+def goal_error(off: HandError) -> float:
     """Return how far (m) the farthest fingertip can still be from its goal: |e| + lever |turn| + lever |joints|_max."""
-    position, turn = pose_error(goal.X_world_palm, X_world_palm)
-    fingers = float(np.abs(goal.joints - joints).max())
-    return float(np.sqrt(position @ position) + PALM_LEVER * np.sqrt(turn @ turn)) + FINGER_LEVER * fingers
+    fingers = float(np.abs(off.joints).max())
+    return length(off.position) + PALM_LEVER * length(off.turn) + FINGER_LEVER * fingers
 
 
 def shorten_ranges(field: Field, side: Side, clearance: Matrix, error: float) -> None:

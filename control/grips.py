@@ -15,7 +15,7 @@ from preshape.control.grip import LIGHT_SHARE, Grip, Stage, joints
 from preshape.control.internal_forces import squeezed
 from preshape.hal.layout import HAND_DOF, Side, finger_slice
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import FACES, Face, face_normal
 from preshape.planner.hand_kinematics import hand_kinematics
 
@@ -61,7 +61,7 @@ def _palm(
     half = np.asarray(size, float) / 2
     n_end, n_finger = face_normal(end), face_normal(finger_face)
     x, z = -n_finger, -n_end
-    R = np.column_stack([x, np.cross(z, x), z])
+    R = np.column_stack([x, cross(z, x), z])
     mirror = 1.0 if side == "right" else -1.0
     poses: list[Matrix] = []
     for at_x in (face_x, INSERT_X):
@@ -122,7 +122,7 @@ def brace_grip(size: Matrix, end: Face, opening_face: Face, side: Side, back_m: 
     if abs(n_end @ n_open) > 0.5:
         raise ValueError(f"opening_face: got {opening_face}, allowed is a face perpendicular to {end}")
     # Left hand: y = -n, z = -n_end, so x = y x z = n x n_end. The right hand's ring lies at -y.
-    x = np.cross(n_open, n_end) * (1.0 if side == "left" else -1.0)
+    x = cross(n_open, n_end) * (1.0 if side == "left" else -1.0)
     finger_face: Face = max(FACES, key=lambda face: float(face_normal(face) @ -x))
     _check_width(size, finger_face, GRASP_WIDTHS, "width between thumb and fingers")
     out = _outward("ring")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from preshape.control.body import Body
 from preshape.hal.layout import ARM_DOF, LAYOUT, SIDES, Side
-from preshape.hal.transform import Matrix, exp_so3, log_so3, transform
+from preshape.hal.transform import Matrix, exp_so3, length, log_so3, transform
 
 Motion = Generator[None, None, None]
 
@@ -27,7 +27,7 @@ def between(X_a: Matrix, X_b: Matrix, u: float) -> Matrix:
 
 def limited(vector: Matrix, most: float) -> Matrix:
     """Return a vector in its direction, no longer than `most` (in its unit)."""
-    return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-12))
+    return vector * min(1.0, most / max(length(vector), 1e-12))
 
 
 def ticks(body: Body, seconds: float) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import NominalBox, Opening, face_normal
 
 
@@ -16,7 +16,7 @@ def opening_frame(box: NominalBox, opening: Opening) -> Matrix:
     origin = (
         normal * (np.abs(normal) @ half) + edge * (np.abs(edge) @ half - box.tab_size[1] / 2) + along * opening.offset
     )
-    return transform(origin, np.column_stack([edge, np.cross(normal, edge), normal]))
+    return transform(origin, np.column_stack([edge, cross(normal, edge), normal]))
 
 
 def hinge_distance(box: NominalBox, opening: Opening) -> float:

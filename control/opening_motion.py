@@ -14,7 +14,7 @@ from preshape.control.contact_policy import Phase
 from preshape.hal.layout import HAND_DOF, finger_slice
 from preshape.hal.sah_hand import ACTUATED, FOREFINGERS
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, axis_rotation, transform
+from preshape.hal.transform import Matrix, axis_rotation, cross, transform
 from preshape.planner.hand_kinematics import hand_kinematics
 
 
@@ -61,7 +61,7 @@ def palm_for_tip(p_tip: Matrix, tilt: float, roll: float, toward: float, fingers
     h, n = np.array([0.0, toward, 0.0]), np.array([0.0, 0.0, 1.0])
     z = np.cos(tilt) * h - np.sin(tilt) * n
     x = -np.cos(tilt) * n - np.sin(tilt) * h
-    R = np.column_stack([x, np.cross(z, x), z])
+    R = np.column_stack([x, cross(z, x), z])
     R = axis_rotation(np.array([0.0, 1.0, 0.0]), roll) @ R
     tip = hand_kinematics("right").tips(fingers)[0][0]
     return transform(np.asarray(p_tip) - R @ tip, R)

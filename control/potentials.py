@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from preshape.hal.compiled import compiled
-from preshape.hal.transform import Matrix, log_so3
+from preshape.hal.transform import Matrix, length, log_so3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ def attraction_energy(error: ArrayLike, limit: float, near: float) -> float:
 def attraction(error: ArrayLike, limit: float, near: float) -> Matrix:
     """Return the force -dV/d(state) for error = goal - state: towards the goal, its length at most `limit`."""
     vector = np.asarray(error, dtype=np.float64)
-    return vector * (limit / max(float(np.sqrt(vector @ vector)), near))
+    return vector * (limit / max(length(vector), near))
 
 
 def pose_error(X_world_goal: Matrix, X_world_palm: Matrix) -> tuple[Matrix, Matrix]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.hal.transform import Matrix, exp_so3, transform
+from preshape.hal.transform import Matrix, cross, exp_so3, transform
 from preshape.hal.world import FACES, face_normal
 from preshape.planner.air_pose import upper_face
 
@@ -16,7 +16,7 @@ def rested(X_world_object: Matrix, size: Matrix, table_height: float = 0.0) -> M
     """
     up = face_normal(upper_face(X_world_object, FACES))
     above = X_world_object[:3, :3] @ up
-    axis = np.cross(above, [0.0, 0.0, 1.0])
+    axis = cross(above, [0.0, 0.0, 1.0])
     sine = float(np.linalg.norm(axis))
     turn = axis / sine * np.arctan2(sine, above[2]) if sine > 1e-12 else np.zeros(3)
     height = table_height + float(np.abs(up) @ np.asarray(size, float)) / 2

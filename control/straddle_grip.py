@@ -10,7 +10,7 @@ import numpy as np
 
 from preshape.control.grip import LIGHT_SHARE, Grip, Stage, joints
 from preshape.control.internal_forces import squeezed
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import Face, face_normal
 
 TILT = np.deg2rad(29.0)
@@ -44,7 +44,7 @@ def straddle_pose(size: Matrix, up: Face, finger_face: Face, end: Face) -> Matri
     tilted_x = np.cos(TILT) * x + np.sin(TILT) * z
     tilted_z = np.cos(TILT) * z - np.sin(TILT) * x
     half_height = float(np.abs(n_up) @ np.asarray(size, float)) / 2
-    R = np.column_stack([tilted_x, np.cross(tilted_z, tilted_x), tilted_z])
+    R = np.column_stack([tilted_x, cross(tilted_z, tilted_x), tilted_z])
     return transform(x * PALM_X + n_up * (PALM_Z - half_height) + n_end * TOWARDS_END, R)
 
 

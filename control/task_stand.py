@@ -14,7 +14,7 @@ from preshape.control.motions import Motion, lead_fingers, lead_palm, wait, wait
 from preshape.control.straddle_grip import straddle_grip
 from preshape.control.work import Work
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix, inverse, raised, transform
+from preshape.hal.transform import Matrix, cross, inverse, raised, transform
 from preshape.hal.world import FACES, Face, NominalBox, end_caps, face_normal, long_faces
 from preshape.planner.air_pose import upper_face
 from preshape.planner.arm_capsules import HeldBox
@@ -81,7 +81,7 @@ def laid_flat(X_world_box: Matrix, box: NominalBox) -> Matrix:
     along = X_world_box[:3, :3] @ n_end
     along = np.array([along[0], along[1], 0.0]) / np.hypot(along[0], along[1])
     z = np.array([0.0, 0.0, 1.0])
-    R = np.column_stack([z, along, np.cross(z, along)]) @ np.column_stack([n_up, n_end, np.cross(n_up, n_end)]).T
+    R = np.column_stack([z, along, cross(z, along)]) @ np.column_stack([n_up, n_end, cross(n_up, n_end)]).T
     return transform((X_world_box[0, 3], X_world_box[1, 3], float(np.abs(n_up) @ box.size) / 2), R)
 
 
@@ -89,7 +89,7 @@ def standing(box: NominalBox, end: Face, beside: Face, place: tuple[float, float
     """Return X_world_box standing with the end cap `end` up and the face `beside` looking along `yaw` (rad)."""
     n_end, n_beside = face_normal(end), face_normal(beside)
     z, out = np.array([0.0, 0.0, 1.0]), np.array([np.cos(yaw), np.sin(yaw), 0.0])
-    R = np.column_stack([z, out, np.cross(z, out)]) @ np.column_stack([n_end, n_beside, np.cross(n_end, n_beside)]).T
+    R = np.column_stack([z, out, cross(z, out)]) @ np.column_stack([n_end, n_beside, cross(n_end, n_beside)]).T
     return transform((*place, float(box.size[box.long_axis]) / 2), R)
 
 

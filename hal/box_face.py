@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import Face, face_normal
 
 
@@ -31,6 +31,6 @@ def face_frame(size: ArrayLike, face: Face) -> FaceFrame:
     half = np.asarray(size, float) / 2
     normal = face_normal(face)
     u = np.eye(3)[int(np.argmax(np.where(np.abs(normal) > 0, -1.0, half)))]
-    v = np.cross(normal, u)
+    v = cross(normal, u)
     R_box_face = np.column_stack([u, v, normal])
     return FaceFrame(transform(normal * (np.abs(normal) @ half), R_box_face), np.array([u @ half, np.abs(v) @ half]))

@@ -14,7 +14,7 @@ import numpy as np
 
 from preshape.hal import panda_arm, sah_hand
 from preshape.hal.layout import SIDES, Side, arm_joint_names
-from preshape.hal.transform import Matrix, rpy_angles, rpy_matrix, transform
+from preshape.hal.transform import Matrix, cross, rpy_angles, rpy_matrix, transform
 
 MOUNT_GAP = 0.010
 """Distance along z from the flange to the palm frame's origin, m."""
@@ -122,9 +122,9 @@ def _add_joint(
 def _along(direction: Matrix) -> Matrix:
     """Return a rotation whose z axis points along a direction."""
     z = direction / np.linalg.norm(direction)
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x = cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
     x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    return np.column_stack([x, cross(z, x), z])
 
 
 def _cylinder(radius: float, straight: float) -> tuple[str, dict[str, str]]:

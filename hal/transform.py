@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -47,12 +49,28 @@ def raised(X: Matrix, height: float) -> Matrix:
 
 def inverse(X: Matrix) -> Matrix:
     """Return X_b_a of X_a_b; works on stacks (..., 4, 4)."""
+    if X.ndim == 2:
+        out = _EYE4.copy()
+        out[:3, :3] = R_T = X[:3, :3].T
+        out[:3, 3:] = -(R_T @ X[:3, 3:])
+        return out
     R_T = np.swapaxes(X[..., :3, :3], -1, -2)
     out = np.zeros_like(X)
     out[..., :3, :3] = R_T
     out[..., :3, 3] = -(R_T @ X[..., :3, 3:])[..., 0]
     out[..., 3, 3] = 1.0
     return out
+
+
+def length(v: Matrix) -> float:
+    """Return the Euclidean norm of a vector, in a fraction of the time of numpy's for a short one."""
+    return math.sqrt(v @ v)
+
+
+def cross(a: ArrayLike, b: ArrayLike) -> Matrix:
+    """Return a x b of two vectors (3,), in a fraction of the time of numpy's."""
+    (ax, ay, az), (bx, by, bz) = np.asarray(a, float).tolist(), np.asarray(b, float).tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def hat(w: ArrayLike) -> Matrix:
@@ -64,7 +82,7 @@ def hat(w: ArrayLike) -> Matrix:
 def exp_so3(w: ArrayLike) -> Matrix:
     """Return the rotation by the vector w (rad), by Rodrigues' formula."""
     w = np.asarray(w, float)
-    angle = float(np.sqrt(w @ w))
+    angle = length(w)
     K = hat(w)
     if angle < 1e-8:
         return _EYE3 + K + 0.5 * K @ K
@@ -73,9 +91,10 @@ def exp_so3(w: ArrayLike) -> Matrix:
 
 def log_so3(R: Matrix) -> Matrix:
     """Return the rotation vector w (rad, |w| <= pi) with exp_so3(w) == R."""
-    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = float(np.sqrt(axis @ axis))
-    cosine = 0.5 * (float(R[0, 0] + R[1, 1] + R[2, 2]) - 1.0)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    axis = 0.5 * np.array([zy - yz, xz - zx, yx - xy])
+    sine = length(axis)
+    cosine = 0.5 * (xx + yy + zz - 1.0)
     angle = np.arctan2(sine, cosine)
     if sine > 1e-6:
         return axis * (angle / sine)
@@ -95,7 +114,7 @@ def axis_rotation(axis: ArrayLike, angle: float) -> Matrix:
 def quaternion_xyzw(R: Matrix) -> Matrix:
     """Return the unit quaternion (4,), its scalar last and never negative, of a rotation."""
     w = log_so3(R)
-    half = 0.5 * float(np.sqrt(w @ w))
+    half = 0.5 * length(w)
     return np.append(0.5 * np.sinc(half / np.pi) * w, np.cos(half))
 
 

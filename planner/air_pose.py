@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import Face, face_normal
 
 AIR_A = (0.50, -0.10, 0.40)
@@ -41,8 +41,8 @@ def air_pose(place: AirPlace, gripped_end: Face, facing_face: Face) -> Matrix:
     toward_right = place.toward_right
     n = place.facing - (place.facing @ toward_right) * toward_right
     n = n / np.linalg.norm(n)
-    box_axes = np.column_stack([face, end, np.cross(face, end)])
-    world_axes = np.column_stack([n, toward_right, np.cross(n, toward_right)])
+    box_axes = np.column_stack([face, end, cross(face, end)])
+    world_axes = np.column_stack([n, toward_right, cross(n, toward_right)])
     return transform(place.center, world_axes @ box_axes.T)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from preshape.hal.layout import Side
-from preshape.hal.transform import Matrix
+from preshape.hal.transform import Matrix, cross
 from preshape.planner.convex_hull import convex_hull
 from preshape.planner.directions import square_to
 from preshape.planner.grasping_plane import grasping_plane
@@ -91,7 +91,7 @@ def cone_wrenches(
         moments = np.cross(p - np.asarray(center, float), forces)
         wrenches.append(np.column_stack([forces, moments / length]))
         if torsion > 0.0:
-            pure = np.concatenate([n, np.cross(p - np.asarray(center, float), n) / length])
+            pure = np.concatenate([n, cross(p - np.asarray(center, float), n) / length])
             spin = np.concatenate([np.zeros(3), n * torsion / length])
             wrenches.append(np.array([pure + spin, pure - spin]))
     return np.vstack(wrenches)

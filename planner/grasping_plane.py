@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from preshape.hal.layout import Side
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 
 
 def _toward(direction: Matrix, reference: Matrix) -> Matrix:
@@ -38,7 +38,7 @@ def grasping_plane(tips: ArrayLike, side: Side, lateral: ArrayLike = (0.0, 1.0, 
     if np.linalg.norm(to_thumb) < 1e-9 or np.linalg.norm(across) < 1e-9:
         raise ValueError(f"fingertips coincide: {p.tolist()}")
     if len(others) == 3:
-        normal = np.cross(others[1] - others[0], others[2] - others[0])
+        normal = cross(others[1] - others[0], others[2] - others[0])
         # A flat triangle has no normal: its longest side stands for it.
         flat = np.linalg.norm(normal) < 1e-9
         x = to_thumb - across * (to_thumb @ across) / (across @ across) if flat else normal
@@ -53,4 +53,4 @@ def grasping_plane(tips: ArrayLike, side: Side, lateral: ArrayLike = (0.0, 1.0, 
     if np.linalg.norm(y) < 1e-9:
         raise ValueError(f"the lateral direction is along the grasp: {p.tolist()}")
     y /= np.linalg.norm(y)
-    return transform((p[0] + center) / 2.0, np.column_stack([x, y, np.cross(x, y)]))
+    return transform((p[0] + center) / 2.0, np.column_stack([x, y, cross(x, y)]))

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import Face, face_normal, opposite
 
 MARGIN = 0.012
@@ -64,7 +64,7 @@ class PreshapingBox:
 @cache
 def _axes(palm_face: Face, thumb_face: Face) -> Matrix:
     x, z = face_normal(thumb_face), -face_normal(palm_face)
-    return _frozen(np.column_stack([x, np.cross(z, x), z]))
+    return _frozen(np.column_stack([x, cross(z, x), z]))
 
 
 def box_from_component(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import FACES, Face, face_normal
 from preshape.sim_backend.scenario import Scenario
 
@@ -42,7 +42,7 @@ def lid_frame(scenario: Scenario) -> LidFrame:
     """Return the lid's frame of a drawn scenario, in the box's frame (origin at the box's centre)."""
     opening, half = scenario.opening, np.array(scenario.box.size_m) / 2
     normal, edge = face_normal(opening.face), face_normal(opening.edge)
-    across = np.cross(normal, edge)
+    across = cross(normal, edge)
     hinge = normal * (np.abs(normal) @ half) - edge * (np.abs(edge) @ half)
     long_axis = np.eye(3)[int(np.argmax(half))]
     return LidFrame(

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
+from preshape.hal.transform import cross
 from preshape.hal.world import FACES, Face, face_normal
 
 Length = Annotated[float, msgspec.Meta(gt=0.0, le=2.0)]
@@ -240,7 +241,7 @@ def same_side_edge(size_m: tuple[float, float, float], face: Face, edge: Face, o
     long_axis = np.eye(3)[int(np.argmax(size_m))]
 
     def side(of: Face, at: Face) -> float:
-        return float(np.cross(long_axis, face_normal(of)) @ face_normal(at))
+        return float(cross(long_axis, face_normal(of)) @ face_normal(at))
 
     return next(candidate for candidate in edges_of(size_m, other) if side(other, candidate) == side(face, edge))
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from preshape.hal.layout import Side
-from preshape.hal.transform import Matrix, rpy_matrix, transform
+from preshape.hal.transform import Matrix, cross, rpy_matrix, transform
 from preshape.hal.world import CameraModel, NominalBox, OrientedBox, Workcell, face_normal
 from preshape.sim_backend.paper_box import add_paper_box
 from preshape.sim_backend.robot_model import robot_spec
@@ -23,7 +23,7 @@ def rest_rotation(scenario: Scenario) -> Matrix:
     down = face_normal(scenario.box.rest_face)
     up = -down
     x = np.eye(3)[(int(np.argmax(np.abs(up))) + 1) % 3]
-    R_rest_box = np.vstack([x, np.cross(up, x), up])
+    R_rest_box = np.vstack([x, cross(up, x), up])
     return rpy_matrix((0.0, 0.0, np.deg2rad(scenario.box.yaw_deg))) @ R_rest_box
 
 
@@ -38,9 +38,9 @@ def camera_model(scenario: Scenario) -> CameraModel:
     camera = scenario.camera
     forward = np.array(camera.look_at_m) - np.array(camera.position_m)
     forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right = cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    R = np.column_stack([right, np.cross(forward, right), forward])
+    R = np.column_stack([right, cross(forward, right), forward])
     return CameraModel(transform(camera.position_m, R), camera.focal_px, camera.width_px, camera.height_px)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
-from preshape.hal.transform import Matrix
+from preshape.hal.transform import Matrix, cross
 from preshape.sim_backend.drives import JointDrives
 from preshape.sim_backend.joint_sensors import DELAY_STEPS, JointSensors
 from preshape.sim_backend.moving_obstacles import MovingObstacles
@@ -93,7 +93,7 @@ class Simulation:
         force = np.asarray(force, dtype=np.float64)
         lever = self.data.xpos[self._box] - self.data.xipos[self._box]
         self.data.xfrc_applied[self._box, :3] = force
-        self.data.xfrc_applied[self._box, 3:] = np.cross(lever, force)
+        self.data.xfrc_applied[self._box, 3:] = cross(lever, force)
         self._kick_steps = max(1, round(duration_s / TIMESTEP_S))
 
     def _step(self) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from preshape.hal.transform import Matrix, log_so3
+from preshape.hal.transform import Matrix, cross, log_so3
 from preshape.hal.world import Face, face_normal
 from preshape.sim_backend.contact_scan import (
     FINGER_OUTSIDE,
@@ -158,6 +158,6 @@ def opening_frame(size: Matrix, face: Face, edge: Face, offset: float, tab_depth
     half = size / 2
     along = np.eye(3)[int(np.argmax(size))]
     X = np.eye(4)
-    X[:3, :3] = np.column_stack([towards, np.cross(normal, towards), normal])
+    X[:3, :3] = np.column_stack([towards, cross(normal, towards), normal])
     X[:3, 3] = normal * (np.abs(normal) @ half) + towards * (np.abs(towards) @ half - tab_depth / 2) + along * offset
     return X

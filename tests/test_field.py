@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from preshape.control.distances import NORMS
-from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist
+from preshape.control.field import Field, FieldOptions, HandGoal, carried_twist, hand_error
 from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
 from preshape.control.groups import GROUPS, TIES, group_parts
 from preshape.control.link_boxes import LinkBoxes, hand_nodes
@@ -253,7 +253,7 @@ def test_hand_reaches_a_free_goal_by_following_the_field() -> None:
         v = p.base_mobility * attraction(error, p.pull_n, p.near_m)
         w = p.turn_mobility * attraction(turn, p.pull_nm, p.near_rad)
         X = transform(X[:3, 3] + dt * v, exp_so3(dt * w) @ X[:3, :3])
-        joints = joints + dt * field.attraction("right", goal, joints).joints
+        joints = joints + dt * field.attraction(hand_error(goal, X, joints)).joints
     error, turn = pose_error(goal.X_world_palm, X)
     assert np.linalg.norm(error) < 1e-4 and np.linalg.norm(turn) < 1e-3
     np.testing.assert_allclose(joints, goal.joints, atol=1e-3)
@@ -274,7 +274,7 @@ def test_the_field_vanishes_at_the_goal_however_near_to_the_box_and_acts_before(
     goal = HandGoal(field.links.palm("right"), q[LAYOUT.hand("right")])
     clearance = goal_clearance(field, "right", goal)
     np.testing.assert_allclose(clearance[0, 4], 0.015, atol=1e-9)
-    assert goal_error(goal, field.links.palm("right"), goal.joints) < 1e-9
+    assert goal_error(hand_error(goal, field.links.palm("right"), goal.joints)) < 1e-9
     before = np.linalg.norm(field.evaluate().force[RIGHT, 0, 4])
     shorten_ranges(field, "right", clearance, 0.0)
     results = field.evaluate()

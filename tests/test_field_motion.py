@@ -7,7 +7,7 @@ import pytest
 
 from preshape.control.contact_policy import Phase, Settling, apply_policy
 from preshape.control.distances import NORMS
-from preshape.control.field import Field, FieldOptions, HandGoal
+from preshape.control.field import Field, FieldOptions, HandGoal, hand_error
 from preshape.control.goal_clearance import goal_clearance, goal_error, shorten_ranges
 from preshape.control.groups import TIES
 from preshape.control.link_boxes import SIDE_NODES, LinkBoxes
@@ -55,14 +55,15 @@ def follow(field: Field, goal: HandGoal, X: Matrix, joints: Matrix) -> tuple[flo
     settling, least, jump, last = Settling(0.012, 0.03), np.inf, 0.0, None
     for _ in range(1000):
         place(field.links, X, joints)
-        error = goal_error(goal, X, joints)
+        off = hand_error(goal, X, joints)
+        error = goal_error(off)
         phase = Phase.APPROACH if error > 0.08 else Phase.PRESHAPE
         settled = settling.update(error) if phase is Phase.PRESHAPE else 0.0
         apply_policy(field.gains, field.obstacles, "right", phase, settled=settled)
         shorten_ranges(field, "right", clearance, error)
         field.gains.reach[:, :, :4] = 0.0
         least = min(least, float(field.evaluate().distance[0].min()))
-        motion = field.motion("right", goal, joints)
+        motion = field.motion("right", off)
         if last is not None:
             jump = max(jump, float(np.abs(motion.twist[3:] - last).max()))
         last = motion.twist[3:]

@@ -10,7 +10,7 @@ from preshape.control.grip import Grip
 from preshape.control.grips import CAP_Z, brace_grip, cage_grip
 from preshape.hal import sah_hand
 from preshape.hal.layout import Side
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.hal.world import FACES, Face, NominalBox, Workcell, end_caps, face_normal
 from preshape.planner.air_pose import AirPlace
 from preshape.planner.arm_reach import ReachStatus, reach
@@ -100,10 +100,10 @@ def palms_around(box: NominalBox, X_world_box: Matrix) -> Iterator[Matrix]:
 
 def _facing(p_face: Matrix, normal: Matrix) -> Iterator[Matrix]:
     """Yield palm poses before a point, looking against a normal, turned about it by quarters."""
-    across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    across = cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     across /= np.linalg.norm(across)
-    for x in (across, np.cross(normal, across), -across, -np.cross(normal, across)):
-        yield transform(p_face + CAP_Z * normal, np.column_stack([x, np.cross(-normal, x), -normal]))
+    for x in (across, cross(normal, across), -across, -cross(normal, across)):
+        yield transform(p_face + CAP_Z * normal, np.column_stack([x, cross(-normal, x), -normal]))
 
 
 def _reaches(cell: Workcell, side: Side, X_world_palm: Matrix) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image as PillowImage
 
-from preshape.hal.transform import Matrix, inverse, transform
+from preshape.hal.transform import Matrix, cross, inverse, transform
 from preshape.tools import raster_kernels as kernels
 from preshape.tools.shape import Kind, Shape
 
@@ -41,9 +41,9 @@ def look_at(eye: ArrayLike, target: ArrayLike, height_angle: float = 0.7) -> Cam
         raise ValueError("a camera needs a target apart from its eye")
     forward /= distance
     up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
-    right = np.cross(forward, up)
+    right = cross(forward, up)
     right /= np.linalg.norm(right)
-    return Camera(transform(eye, np.column_stack([right, np.cross(forward, right), forward])), height_angle)
+    return Camera(transform(eye, np.column_stack([right, cross(forward, right), forward])), height_angle)
 
 
 def focal_length(camera: Camera, height: int) -> float:

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from preshape.hal.transform import Matrix, transform
+from preshape.hal.transform import Matrix, cross, transform
 from preshape.planner.convex_hull import convex_hull
 from preshape.tools.raster_kernels import FACETS
 
@@ -53,9 +53,9 @@ def segment(start: ArrayLike, end: ArrayLike, radius: float, color: Color) -> Sh
     along = end - start
     length = float(np.linalg.norm(along))
     z = along / length if length > 1e-12 else np.array([0.0, 0.0, 1.0])
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x = cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
     x /= np.linalg.norm(x)
-    X = transform((start + end) / 2, np.column_stack([x, np.cross(z, x), z]))
+    X = transform((start + end) / 2, np.column_stack([x, cross(z, x), z]))
     return Shape("capsule", X, np.array([radius, length / 2, 0.0]), color, flat=True)
 
 
