@@ -27,7 +27,7 @@ from preshape.tools.telemetry_records import RecordBuilder
 from preshape.tools.telemetry_scene import oriented_box, surroundings
 from preshape.tools.urdf_bases import arm_bases
 
-INTERVAL_S = 0.1
+INTERVAL_S = 0.15
 """Time between two deliveries to the viewer, s."""
 MOTION_S = 0.02
 """Steps in which the scene moves, s: those in which it is published."""

@@ -17,6 +17,8 @@ from preshape.tools.series import MOST_LOOP_US, changes, cut_off, loop_times, re
 
 PLOT_INTERVAL_S = 0.02
 """Plots have a point each such time, s."""
+PLOT_DELIVERY_S = 0.4
+"""Plots are handed over when they have so much new, s: each delivery costs as much as many points."""
 MOTION_INTERVAL_S = 0.04
 """The scene moves in steps of this interval, s."""
 DOING = ("task", "phase", "mode", "status", "fault", "stop_reason")
@@ -65,6 +67,8 @@ class RerunContent:
         self._field = RerunField(stream)
         self._robot = RerunRobot(stream, cell.X_world_base)
         self._pending: list[TickRecord] = []
+        self._unplotted: list[TickRecord] = []
+        self._plotted_ns = -(2**62)
         self._plots, self._motion = Thinning(plot_s), Thinning(motion_s)
         self._last: TickRecord | None = None
         self._told_events = told_events
@@ -92,14 +96,16 @@ class RerunContent:
     def close(self) -> None:
         """Draw what is left and end the stream."""
         self.flush()
+        self._plot()
         self._stream.close()
 
     def _draw(self, records: TickRecord) -> None:
         if not self._told_events:
             self._stream.send_series(cut_off(loop_times(records), MOST_LOOP_US), records["now_ns"])
-        plotted = records[self._plots.rows(records["now_ns"])]
-        for series in record_series(plotted):
-            self._stream.send_series(series, plotted["now_ns"])
+        self._unplotted.append(records[self._plots.rows(records["now_ns"])])
+        # Either way: the clock of a new run begins anew.
+        if abs(int(records["now_ns"][-1]) - self._plotted_ns) >= 1e9 * PLOT_DELIVERY_S:
+            self._plot()
         self._send_progress(records)
         motion = records[self._motion.rows(records["now_ns"])]
         known = motion[~np.isnan(motion["position"][:, 0])]
@@ -108,6 +114,15 @@ class RerunContent:
         if len(motion):
             self._scene.send(motion)
             self._field.send(motion)
+
+    def _plot(self) -> None:
+        """Send what has not been plotted yet."""
+        rows = np.concatenate([np.zeros(0, TICK), *self._unplotted])
+        self._unplotted = []
+        if len(rows):
+            self._plotted_ns = int(rows["now_ns"][-1])
+            for series in record_series(rows):
+                self._stream.send_series(series, rows["now_ns"])
 
     def _send_progress(self, records: TickRecord) -> None:
         """Send task, phase, mode and device status as states where they change, and every change as an event."""

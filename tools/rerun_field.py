@@ -10,7 +10,7 @@ from preshape.hal.layout import SIDES
 from preshape.hal.tick_record import GROUPS, TickRecord
 from preshape.hal.transform import Matrix, quaternion_xyzw
 from preshape.tools.rerun_stream import RerunStream
-from preshape.tools.series import COLORS, shown
+from preshape.tools.series import COLORS
 
 METRES_PER_NEWTON = 0.03
 """Length of a force's arrow, m/N."""
@@ -47,7 +47,9 @@ class RerunField:
 
     def _send_group(self, path: str, now_ns: NDArray[np.int64], point: Matrix, force: Matrix) -> None:
         known = np.isfinite(point[:, 0])
-        rows = shown(known)
+        rows = self._stream.due(path, known)
+        if not len(rows):
+            return
         counts, some = known[rows].astype(int), rows[known[rows]]
         self._stream.send(f"{path}/point", now_ns[rows], rr.Points3D.columns(positions=point[some]).partition(counts))
         vectors = METRES_PER_NEWTON * force[some]
@@ -57,7 +59,9 @@ class RerunField:
     def _send_box(self, path: str, records: TickRecord, hand: int) -> None:
         X, half = records["X_world_preshape"][:, hand], records["preshape_half"][:, hand]
         known = np.isfinite(half[:, 0])
-        rows = shown(known)
+        rows = self._stream.due(path, known)
+        if not len(rows):
+            return
         some = rows[known[rows]]
         turns = np.array([quaternion_xyzw(R) for R in X[some, :3, :3]]).reshape(-1, 4)
         columns = rr.Boxes3D.columns(half_sizes=half[some], centers=X[some, :3, 3], quaternions=turns)
@@ -66,7 +70,9 @@ class RerunField:
     def _send_tips(self, path: str, records: TickRecord, hand: int) -> None:
         tips = records["tip_target"][:, hand]
         known = np.isfinite(tips[:, 0, 0])
-        rows = shown(known)
+        rows = self._stream.due(path, known)
+        if not len(rows):
+            return
         some = rows[known[rows]]
         columns = rr.Points3D.columns(positions=tips[some].reshape(-1, 3))
         self._stream.send(path, records["now_ns"][rows], columns.partition(len(tips[0]) * known[rows].astype(int)))

@@ -13,7 +13,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.blueprint import Blueprint
 
-from preshape.tools.series import COLORS, Series, shown
+from preshape.tools.series import COLORS, Series
 
 APPLICATION = "preshape"
 TIMELINE = "time"
@@ -62,15 +62,20 @@ class RerunStream:
         """Send values that do not change with time."""
         rr.log(path, *values, static=True, recording=self._stream)
 
+    def due(self, path: str, known: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Return which of an entity's next rows to draw, given where it is known (n,): there, and where it has gone."""
+        before = np.concatenate([[self._there.get(path, False)], known])
+        self._there[path] = bool(before[-1])
+        return np.flatnonzero(known | before[:-1])
+
     def send_series(self, series: Series, now_ns: NDArray[np.int64]) -> None:
         """Send the lines of one plot; of moments without any value only the first: it ends the lines."""
         if series.path not in self._there:
-            self._there[series.path] = False
             colors = np.array(COLORS[: len(series.names)], np.uint32)
             self.keep(series.path, rr.SeriesLines(names=list(series.names), colors=colors))
-        known = ~np.all(np.isnan(series.values), axis=1)
-        rows = shown(known, self._there[series.path])
-        self._there[series.path] = bool(known[-1]) if len(known) else self._there[series.path]
+        rows = self.due(series.path, ~np.all(np.isnan(series.values), axis=1))
+        if not len(rows):
+            return
         columns = rr.Scalars.columns(scalars=series.values[rows].ravel())
         self.send(series.path, now_ns[rows], columns.partition([len(series.names)] * len(rows)))
 

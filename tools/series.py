@@ -94,14 +94,6 @@ def record_series(records: TickRecord) -> list[Series]:
     return series
 
 
-def shown(known: NDArray[np.bool_], before: bool = True) -> NDArray[np.int64]:
-    """Return the rows to draw of something that is known only at times (n,): where it is, and where it has just gone.
-
-    `before` tells whether it was known in the row before the first.
-    """
-    return np.flatnonzero(known | np.concatenate([[before], known[:-1]]))
-
-
 def changes(values: NDArray[np.generic]) -> NDArray[np.int64]:
     """Return the indices where a column (n,) takes a new value, the first among them."""
     if len(values) == 0:

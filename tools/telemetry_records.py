@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+from numpy.typing import NDArray
 
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.sah_hand import FINGERS
@@ -76,8 +79,13 @@ class RecordBuilder:
             self._record["tick"] = message.tick
 
 
+@lru_cache(maxsize=16)
+def _joints(names: tuple[str, ...]) -> NDArray[np.int64]:
+    return np.array([LAYOUT.index(name) for name in names], dtype=np.int64)
+
+
 def _take_joints(record: TickRecord, message: JointsState) -> None:
-    joints = [LAYOUT.index(name) for name in message.name]
+    joints = _joints(tuple(message.name))
     columns = {
         "position": message.position,
         "velocity": message.velocity,
