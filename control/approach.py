@@ -205,7 +205,7 @@ def insert(
     limits = limits or ApproachLimits()
     X_start = sight.X_world_box if carrier is None else carrier.ahead(sight.X_world_box)
     X_box_start = inverse(X_start) @ body.asked_palm(side)
-    distance = float(np.linalg.norm(X_box_palm[:3, 3] - X_box_start[:3, 3]))
+    distance = length(X_box_palm[:3, 3] - X_box_start[:3, 3])
     count = ticks(body, max(15.0 / 8.0 * distance / speed, 0.3))
     hand = LAYOUT.hand(side)
     body.aims[side] = aim or grasp_aim(side, X_box_palm, preshape, guide.box)
@@ -216,7 +216,7 @@ def insert(
         X_world_box = sight.X_world_box
         X_led = X_world_box if carrier is None else carrier.ahead(X_world_box)
         body.ask_palm(side, X_led @ between(X_box_start, X_box_palm, eased(k / count)))
-        behind = float(np.linalg.norm(body.asked_palm(side)[:3, 3] - body.palm(side)[:3, 3]))
+        behind = length(body.asked_palm(side)[:3, 3] - body.palm(side)[:3, 3])
         late = late + 1 if behind > FOLLOW_M else 0
         if late * body.period_s > FOLLOW_S:
             raise TaskFailed(f"stalled: the {side} hand {behind * 1e3:.0f} mm beside its way: its arm cannot follow")

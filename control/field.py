@@ -196,7 +196,10 @@ class Field:
 
 
 def hand_error(goal: HandGoal, X_world_palm: Matrix, joints: Matrix) -> HandError:
-    """Return how far a hand at a palm pose and 13 joint angles (rad) is off a goal, in the world frame."""
+    """Return how far a hand at a palm pose and 13 joint angles (rad) is off a goal, in the world frame.
+
+    Goal minus hand: p_goal - p, R log(R^T R_goal), q_goal - q.
+    """
     return HandError(*pose_error(goal.X_world_palm, X_world_palm), goal.joints - joints)
 
 

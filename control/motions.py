@@ -89,8 +89,8 @@ def lead_palm(
 ) -> Motion:
     """Lead a palm on a straight line to a pose at a peak speed (m/s, rad/s)."""
     X_start = body.asked_palm(side)
-    distance = float(np.linalg.norm(X_world_palm[:3, 3] - X_start[:3, 3]))
-    turn = float(np.linalg.norm(log_so3(X_start[:3, :3].T @ X_world_palm[:3, :3])))
+    distance = length(X_world_palm[:3, 3] - X_start[:3, 3])
+    turn = length(log_so3(X_start[:3, :3].T @ X_world_palm[:3, :3]))
     seconds = max(15.0 / 8.0 * max(distance / speed, turn / turn_speed), least_s)
     yield from lead_palm_for(body, side, X_world_palm, seconds)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from preshape.hal.transform import Matrix, exp_so3, inverse, log_so3
+from preshape.hal.transform import Matrix, exp_so3, inverse, length, log_so3
 from preshape.hal.world import PoseSample
 
 
@@ -204,7 +204,7 @@ class ObjectFilter:
     def _deviation(self, difference: Matrix) -> float:
         """Return the larger of the position's and the turn's distance over their standard deviations."""
         scaled = difference / self._sigma()
-        return float(max(np.linalg.norm(scaled[:3]), np.linalg.norm(scaled[3:])))
+        return max(length(scaled[:3]), length(scaled[3:]))
 
     def _take_outlier(self, X: Matrix) -> None:
         self._outliers.append(X)

@@ -1,4 +1,4 @@
-"""Laws of the small vector functions: quicker than numpy's, and bit for bit the same."""
+"""Laws of transforms and of the small vector functions, which say what numpy's say bit for bit."""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from preshape.control.contact_maps import WRENCH_SCALE, GripLimits, contact_maps
 from preshape.control.grip_contacts import Contacts
 from preshape.hal.state import Vector
+from preshape.hal.transform import cross
 
 MOST_LOAD_N = 200.0
 """No load above this is looked for."""
@@ -27,7 +28,7 @@ _SMALL = 1e-8
 def push_at(p: ArrayLike, direction: ArrayLike) -> Vector:
     """Return the wrench (6,) about the box's centre of 1 N at p (box frame, m)."""
     force = np.asarray(direction, float)
-    return np.concatenate([force, np.cross(np.asarray(p, float), force)])
+    return np.concatenate([force, cross(p, force)])
 
 
 def capacity(contacts: Contacts, load: Vector, weight: Vector, limits: GripLimits) -> float:

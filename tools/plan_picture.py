@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from preshape.hal.transform import Matrix
+from preshape.hal.transform import Matrix, cross
 from preshape.hal.world import face_normal
 from preshape.tools.caption import PAPER, captioned, grid, write
 from preshape.tools.plan_drawing import (
@@ -43,7 +43,7 @@ def viewing_direction(grasp: GraspDrawing) -> Matrix:
     The palm's face is seen, too, unless it points down.
     """
     thumb, palm = face_normal(grasp.box.thumb_face), face_normal(grasp.box.palm_face)
-    third = np.abs(np.cross(thumb, palm))
+    third = np.abs(cross(thumb, palm))
     direction = 0.80 * thumb + 0.75 * third + 0.55 * palm
     direction[2] = max(direction[2], 0.35)
     return direction / np.linalg.norm(direction)
