@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -19,17 +20,19 @@ from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.plan_scene import LIFT_M
 
-PREGRASP_M = 0.14
-"""Height of the palm above its grasp pose at which the field takes over, m."""
+PREGRASP_M, NEAR_PREGRASP_M = 0.14, 0.12
+"""Height of the palm above its grasp pose at which the field takes over, m, and where an obstacle leaves no more."""
 STANDOFF_M = 0.11
 """Distance from the grasp pose, back along the palm's z axis, at which the fingertips reach the box's end, m."""
+LIFTS_M = (LIFT_M, 0.07)
+"""How high the box is lifted, m, the lower one where an obstacle hangs above."""
 WAY_POSES = 5
 """Palm poses from the pre-grasp to the grasp for which postures are chosen together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraspChoice:
-    """A grip and the right arm's postures through it: pre-grasp, grasp, lift, and showing the likely face."""
+    """A grip and the right arm's postures through it: pre-grasp, grasp, lift by `lift_m`, showing the likely face."""
 
     grip: Grip
     finger_face: Face
@@ -38,6 +41,7 @@ class GraspChoice:
     grasp: Vector
     lift: Vector
     show: Vector
+    lift_m: float
 
 
 def shown_face(grip: Grip) -> Face:
@@ -104,17 +108,19 @@ def _postures(
     face = shown_face(grip)
     held = HeldBox("right", inverse(grip.X_box_palm), work.box.size / 2)
     carried = shown = work.collision(held=held)
-    coming = work.collision(standing=X_world_box)
-    around = work.collision(exempt=(("right_hand", "box"),), standing=X_world_box)
-    X_lift = raised(X_grasp, LIFT_M)
+    # Among obstacles it counts how the fingers will be; elsewhere the hand as it is does.
+    fingers = grip.opened if work.sight.obstacles else None
+    coming = work.collision(standing=X_world_box, fingers=fingers)
+    around = work.collision(exempt=(("right_hand", "box"),), standing=X_world_box, fingers=fingers)
+    lift_m = LIFT_M
     shifts = ELSEWHERE[:1]
     if work.sight.obstacles:
         # Where the box is shown the hand will also open.
         shifts, shown = ELSEWHERE, work.collision(held=held, fingers=grip.opened)
-        way = _way(work, X_grasp, X_lift, (coming, around, carried), near)
+        way = _way(work, X_grasp, (coming, around, carried), near)
         if way is None:
             return "no way around the box and up that keeps clear"
-        pregrasp, grasp, lift = way
+        pregrasp, grasp, lift, lift_m = way
     else:
         pregrasp = work.posture("right", back_off(X_grasp, PREGRASP_M), coming, near)
         if pregrasp is None:
@@ -122,33 +128,32 @@ def _postures(
         grasp = work.posture("right", X_grasp, around, pregrasp)
         if grasp is None:
             return "grasp pose out of reach"
-        lift = work.posture("right", X_lift, carried, grasp)
+        lift = work.posture("right", raised(X_grasp, lift_m), carried, grasp)
         if lift is None:
             return "lift pose out of reach"
     palms = (transform(shift) @ air_pose(place, end, face) @ grip.X_box_palm for shift in shifts)
     show = next((q for X in palms if (q := work.posture("right", X, shown, lift)) is not None), None)
     if show is None:
         return "show pose out of reach"
-    return GraspChoice(grip, finger_face, face, pregrasp, grasp, lift, show)
+    return GraspChoice(grip, finger_face, face, pregrasp, grasp, lift, show, lift_m)
 
 
 def _way(
     work: Work,
     X_grasp: Matrix,
-    X_lift: Matrix,
     models: tuple[ArmCollision, ArmCollision, ArmCollision],
     near: Vector,
-) -> tuple[Vector, Vector, Vector] | None:
-    """Return postures at pre-grasp, grasp and lift that hang together and keep clear of obstacles all the way.
+) -> tuple[Vector, Vector, Vector, float] | None:
+    """Return postures at pre-grasp, grasp and lift, and its height, that keep clear of obstacles all the way.
 
     Chosen one by one they may keep clear, and the arm in between not. `models` are for the hand before the box, around
-    it, and with it. The nearer pre-grasp is where the field has led the hand by the time it surrounds the box.
+    it, and with it. Nearer than the near pre-grasp a hand that comes fast would touch the box.
     """
     coming, around, carried = models
-    for distance in (PREGRASP_M, STANDOFF_M):
+    for lift_m, distance in product(LIFTS_M, (PREGRASP_M, NEAR_PREGRASP_M)):
         inside = np.linspace(distance, 0.0, WAY_POSES)
-        palms = np.array([*(back_off(X_grasp, d) for d in inside), X_lift])
+        palms = np.array([*(back_off(X_grasp, d) for d in inside), raised(X_grasp, lift_m)])
         chain = work.way("right", palms, [coming, *[around] * (WAY_POSES - 1), carried], near)
         if chain is not None:
-            return chain[0], chain[WAY_POSES - 1], chain[-1]
+            return chain[0], chain[WAY_POSES - 1], chain[-1], lift_m
     return None

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from preshape.control.body import Body
 from preshape.control.distances import Boxes, PairDistances, pair_distances
-from preshape.control.link_boxes import NODE_COUNT, NODES, LinkBoxes, NodePoses, arm_nodes
+from preshape.control.link_boxes import NODE_COUNT, NODES, PARTS, LinkBoxes, NodePoses, arm_nodes, hand_nodes
 from preshape.control.sight import Sight
-from preshape.hal import panda_arm
+from preshape.hal import panda_arm, sah_hand
 from preshape.hal.compiled import compiled
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import Vector
@@ -33,25 +33,44 @@ PATIENCE_S = 2.0
 """How long the arms stand before an obstacle until the motion that brought them there is given up, s."""
 _ACCELERATION = 0.9 * LAYOUT.acceleration
 _HELD = NODE_COUNT
-_ARMS = np.concatenate([np.arange(NODE_COUNT)[arm_nodes(side)] for side in SIDES])
-_STARTS = np.array([capsule.start for capsule in panda_arm.CAPSULES], dtype=float)
-_ENDS = np.array([capsule.end for capsule in panda_arm.CAPSULES], dtype=float)
-_RADII = np.array([capsule.radius for capsule in panda_arm.CAPSULES])
+
+
+def _round_nodes() -> tuple[NDArray[np.int64], Matrix, Matrix]:
+    """Return the nodes that are capsules, half their segments in their boxes' frames (n, 3), and their radii, m."""
+    nodes: list[int] = []
+    half: list[list[float]] = []
+    radii: list[float] = []
+    for side in SIDES:
+        for node, link in zip(range(NODE_COUNT)[arm_nodes(side)], panda_arm.CAPSULES, strict=True):
+            nodes.append(node)
+            half.append([0.0, 0.0, float(np.linalg.norm(np.subtract(link.end, link.start))) / 2])
+            radii.append(link.radius)
+        for node, part in zip(range(NODE_COUNT)[hand_nodes(side)], PARTS, strict=True):
+            shape = sah_hand.PARTS[part][0]
+            if shape.kind == "capsule":
+                radius, start, end = shape.size
+                nodes.append(node)
+                half.append([abs(end - start) / 2, 0.0, 0.0])
+                radii.append(radius)
+    return np.array(nodes, dtype=np.int64), np.array(half), np.array(radii)
+
+
+_ROUND, _HALF_SEGMENTS, _RADII = _round_nodes()
 
 
 @compiled
-def _arm_distances(
-    arms: NDArray[np.int64], starts: Matrix, ends: Matrix, radii: Matrix, poses: NodePoses,
+def _round_distances(
+    nodes: NDArray[np.int64], half_segments: Matrix, radii: Matrix, poses: NodePoses,
     p_obstacles: Matrix, R_obstacles: Matrix, half: Matrix, out: Matrix,
 ) -> None:  # fmt: skip
-    """Write the distances of the arms' capsules, as the planner knows them, into out (nodes, obstacles), m."""
+    """Write the distances of what is a capsule, as the planner knows it, into out (nodes, obstacles), m."""
     X = np.eye(4)
     for k in range(len(half)):
         X[:3, :3], X[:3, 3] = R_obstacles[k], p_obstacles[k]
-        for number in range(len(arms)):
-            node, link = arms[number], number % len(radii)
-            R, p = poses.R[node], poses.p[node]
-            out[node, k] = segment_box_distance(p + R @ starts[link], p + R @ ends[link], X, half[k]) - radii[link]
+        for number in range(len(nodes)):
+            node = nodes[number]
+            p, reach = poses.p_box[node], poses.R_box[node] @ half_segments[number]
+            out[node, k] = segment_box_distance(p - reach, p + reach, X, half[k]) - radii[number]
 
 
 def stopping_position(position: Vector, velocity: Vector) -> Vector:
@@ -116,7 +135,7 @@ class ObstacleGuard:
     def distances(self, position: Vector, obstacles: Boxes) -> Matrix:
         """Return the distance of each pair (m,), m, with the joints at a position and the held box in its hand.
 
-        Hands and held box are bounding boxes; arms are the planner's capsules, so that a path it has found is free.
+        Palms and held box are boxes; arms and fingers are the planner's capsules, so that a path it has found is free.
         """
         boxes, side = self._boxes, self._sight.held_by
         poses = self._links.update(position)
@@ -127,14 +146,14 @@ class ObstacleGuard:
             boxes.p[_HELD], boxes.R[_HELD], count = X[:3, 3], X[:3, :3], NODE_COUNT + 1
         if len(self._pairs) != count * len(obstacles.p):
             self._pairs = np.array([(i, k) for i in range(count) for k in range(len(obstacles.p))], dtype=np.int64)
-            self._of_boxes = np.flatnonzero(~np.isin(self._pairs[:, 0], _ARMS))
+            self._of_boxes = np.flatnonzero(~np.isin(self._pairs[:, 0], _ROUND))
             self._box_pairs = self._pairs[self._of_boxes]
             self._out = PairDistances.empty(len(self._box_pairs))
         pair_distances("l2", boxes, obstacles, self._box_pairs, self._out)
         distance = np.empty(len(self._pairs))
         distance[self._of_boxes] = self._out.distance
-        _arm_distances(
-            _ARMS, _STARTS, _ENDS, _RADII, poses, obstacles.p, obstacles.R, obstacles.h,
+        _round_distances(
+            _ROUND, _HALF_SEGMENTS, _RADII, poses, obstacles.p, obstacles.R, obstacles.h,
             distance.reshape(count, len(obstacles.p)),
         )  # fmt: skip
         return distance

@@ -16,7 +16,6 @@ from preshape.hal.layout import Side
 from preshape.hal.transform import Matrix, inverse, raised, transform
 from preshape.hal.world import Face
 from preshape.planner.air_pose import AirPlace
-from preshape.planner.plan_scene import LIFT_M
 
 ASIDE_M = 0.008
 """How much further than on coming a leaving palm keeps its fingers off their face, m: the thumb's side has room."""
@@ -81,6 +80,7 @@ def come_near(work: Work, guide: FieldGuide, choice: GraspChoice) -> Motion:
     def note(phase: str) -> None:
         work.phase = phase
 
+    yield from work.make_room("right", choice.grip.opened)
     yield from lead_fingers(work.body, "right", choice.grip.preshape)
     yield from work.travel("right", choice.pregrasp)
     work.body.prefer_posture("right", choice.grasp)
@@ -130,7 +130,7 @@ def grasp_box(work: Work, guide: FieldGuide, likely: Face | None, place: AirPlac
     work.sight.hold("right")
     work.phase = "lift"
     work.body.prefer_posture("right", choice.lift)
-    X_lift = raised(work.body.asked_palm("right"), LIFT_M)
+    X_lift = raised(work.body.asked_palm("right"), choice.lift_m)
     yield from lead_palm(work.body, "right", X_lift, speed=0.12)
     hand.check()
 

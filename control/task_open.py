@@ -13,7 +13,7 @@ from preshape.control.failure import TaskFailed
 from preshape.control.motions import Motion, lead_fingers
 from preshape.control.opening_frame import opening_frame
 from preshape.control.opening_motion import HandWaypoint
-from preshape.control.work import CLEARANCE_M, Work
+from preshape.control.work import CLEARANCE_M, CLOSE_ROOM_M, Work
 from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, inverse
@@ -37,12 +37,12 @@ class _Checker:
     def __init__(self, work: Work, held: HeldBox, q_left: Vector) -> None:
         exempt = (("right_hand", "held"), ("right_hand", "left_hand"), *work.at_rest("right"))
         q_hands: dict[Side, Vector] = {side: work.body.asked_fingers(side) for side in SIDES}
-        self._model = ArmCollision(work.cell, q_hands, held, tuple(work.sight.obstacles), exempt)
+        self._model = ArmCollision(work.cell, q_hands, held, (), exempt, tuple(work.sight.obstacles))
         self._q = np.concatenate([np.zeros(ARM_DOF), q_left])
 
     def __call__(self, number: int, q: Vector) -> bool:
         self._q[:ARM_DOF] = q
-        return self._model.is_free(self._q, CLEARANCE_M / 2)
+        return self._model.is_free(self._q, CLEARANCE_M / 2, CLOSE_ROOM_M)
 
 
 def present(

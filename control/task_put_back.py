@@ -66,14 +66,21 @@ class RestingPlace:
 def resting_place(work: Work, X_stood: Matrix, X_taken: Matrix, place: AirPlace) -> RestingPlace | None:
     """Return the nearest place on the table to which the hand can bring the box, and from which another grip takes it.
 
+    One with room for both, if there is one: a box that is let go does not stand where it was to, to the millimetre.
     None where there is none: the box goes where it stood.
     """
+    with work.wanting_room():
+        roomy = _nearest_place(work, X_stood, X_taken, place)
+    return roomy or _nearest_place(work, X_stood, X_taken, place)
+
+
+def _nearest_place(work: Work, X_stood: Matrix, X_taken: Matrix, place: AirPlace) -> RestingPlace | None:
     carried = work.collision()
     for X_move in moves_on_table(X_stood[:3, 3]):
         X_rest, X_palm = X_move @ X_stood, X_move @ X_taken
         if not stands_on_table(work.cell, X_rest, work.box.size):
             continue
-        around = work.collision(exempt=(("right_hand", "box"),), standing=X_rest)
+        around = work.collision(exempt=(("right_hand", "box"),), standing=X_rest, fingers=work.grips["right"].opened)
         palms = np.array([raised(X_palm, LIFT_M), X_palm, back_off(X_palm, PREGRASP_M)])
         way = work.way("right", palms, (carried, around, around), work.body.asked_arm("right"))
         if way is not None and reachable_grips(work, place, X_rest, way[-1])[0]:

@@ -104,6 +104,7 @@ def surround_end(work: Work, guide: FieldGuide, grip: Grip, again: bool = False)
     work.phase = "travel"
     following = _following(work, grip) if work.carry.moves or again else None
     q_start, q_grasp = following or _postures(work, grip)
+    yield from work.make_room("left", grip.opened)
     yield from lead_fingers(body, "left", grip.preshape)
     yield from work.travel("left", q_start)
     body.prefer_posture("left", q_grasp)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -25,7 +26,7 @@ from preshape.planner.arm_capsules import HeldBox
 from preshape.planner.arm_chain import posture_chain
 from preshape.planner.arm_collision import ArmCollision
 from preshape.planner.arm_kinematics import palm_pose
-from preshape.planner.arm_path import ALLOWED_DIP, ArmPath, PathQuery, PathStatus, plan_path
+from preshape.planner.arm_path import ALLOWED_DIP, ArmPath, PathQuery, PathStatus, plan_path, way_out
 from preshape.planner.arm_reach import ReachQuery, ReachStatus, reach
 from preshape.planner.plan import Plan
 from preshape.planner.work_object import WorkObject
@@ -43,8 +44,10 @@ HANGING_S = 10.0
 
 With friction 0.4 a box slid out of the hand where it hung so.
 """
-SPREAD_M = 0.015
-"""How much larger obstacles are taken for paths: corners of the palms and the held box stick out of their shapes, m."""
+ROOM_M, CLOSE_ROOM_M = 0.015, 0.008
+"""What is kept beyond that from obstacles that have appeared, and where they leave no more, m (the guard: 10 mm)."""
+AROUND_SPEED = 0.15
+"""Share of the joint speed limits with which an arm goes around obstacles, and draws away from them."""
 BRAKE_S = 0.4
 """Time in which an arm that is asked to stop is at rest, s."""
 MOVED_M = 0.005
@@ -86,31 +89,31 @@ class Work:
     task: int = 1
     phase: str = "start"
     notes: list[str] = field(default_factory=list)
+    _wants_room: bool = False
 
     def collision(
         self,
         exempt: tuple[tuple[str, str], ...] = (),
         held: HeldBox | None = None,
         standing: Matrix | None = None,
-        spread_m: float = SPREAD_M,
         fingers: Mapping[Side, Vector] | None = None,
     ) -> ArmCollision:
         """Return the coarse model of this moment: hands as they are, the box held or standing.
 
         `held` says how it is held, `standing` at which pose (world) it stands; by default it is where it is seen.
-        Obstacles are larger by `spread_m` on each side; `fingers` are the joint angles (13) of hands that will change.
+        `fingers` are the joint angles (13) of hands that will change.
         """
         if held is None and standing is None:
             held = self._held()
-        obstacles = [OrientedBox(seen.name, seen.X_world_box, seen.half + spread_m) for seen in self.sight.obstacles]
+        parts: tuple[OrientedBox, ...] = ()
         if standing is None and held is None and self.sight.estimate is not None:
             standing = self.sight.X_world_box
         if standing is not None:
-            parts = self.target.boxes(standing)
-            obstacles += [OrientedBox("box", part.X_world_box, part.half) for part in parts]
+            boxes = self.target.boxes(standing)
+            parts = tuple(OrientedBox("box", part.X_world_box, part.half) for part in boxes)
         q_hands: dict[Side, Vector] = {side: self.body.asked_fingers(side) for side in SIDES}
         q_hands.update(fingers or {})
-        return ArmCollision(self.cell, q_hands, held, tuple(obstacles), exempt)
+        return ArmCollision(self.cell, q_hands, held, parts, exempt, tuple(self.sight.obstacles))
 
     def at_rest(self, side: Side) -> tuple[tuple[str, str], ...]:
         """Return the pairs of what this arm does not move: the other arm and its hand, wherever obstacles are."""
@@ -137,8 +140,9 @@ class Work:
         """Return arm joints (7) for a palm pose near a posture (default: as asked now), or None if out of reach."""
         near = self.body.asked_arm(side) if near is None else near
         base, q_arms = self.cell.X_world_base[side], self.body.asked_arms()
-        for margin in self._margins():
-            found = reach(side, base, X_world_palm, model, q_arms, ReachQuery(margin_m=margin), near=near)
+        for margin, more in self._margins():
+            query = ReachQuery(margin_m=margin, more_m=more)
+            found = reach(side, base, X_world_palm, model, q_arms, query, near=near)
             if found.status is ReachStatus.REACHABLE:
                 return found.q
         return None
@@ -149,20 +153,32 @@ class Work:
         Each posture is near the one before and keeps clear of what the model of its own pose holds.
         """
         q_arms = self.body.asked_arms()
-        for margin in self._margins():
+        for margin, more in self._margins():
 
-            def is_free(number: int, q: Vector, margin: float = margin) -> bool:
+            def is_free(number: int, q: Vector, margin: float = margin, more: float = more) -> bool:
                 q_arms[_own(side)] = q
-                return models[number].is_free(q_arms, margin)
+                return models[number].is_free(q_arms, margin, more)
 
             chain = posture_chain(side, self.cell.X_world_base[side], X_world_palms, near, is_free)
             if chain is not None:
                 return chain
         return None
 
-    def _margins(self) -> tuple[float, ...]:
-        """Return the clearances to be tried; obstacles are taken for larger than they are already."""
-        return (CLEARANCE_M, CLOSE_M) if self.sight.obstacles else (CLEARANCE_M,)
+    def _margins(self) -> tuple[tuple[float, float], ...]:
+        """Return the clearances to be tried, each with what is kept beyond it from obstacles."""
+        if not self.sight.obstacles:
+            return ((CLEARANCE_M, 0.0),)
+        roomy = (CLEARANCE_M, ROOM_M), (CLOSE_M, ROOM_M)
+        return roomy if self._wants_room else (*roomy, (CLOSE_M, CLOSE_ROOM_M))
+
+    @contextmanager
+    def wanting_room(self) -> Generator[None]:
+        """Count no posture for the time being that is near to obstacles: what is planned will not be met exactly."""
+        self._wants_room = True
+        try:
+            yield
+        finally:
+            self._wants_room = False
 
     def travel(self, side: Side, q: Vector, speed: float = 0.35, exempt: tuple[tuple[str, str], ...] = ()) -> Motion:
         """Bring one arm to joint angles (7) on a path free of coarse collisions; `TaskFailed` if there is none.
@@ -173,8 +189,10 @@ class Work:
             waypoints = self._path(side, q, exempt, number)
             self.body.prefer_posture(side, q)
             why = "an obstacle on it"
+            # An arm that brakes leaves its path, the farther the faster it was: each joint comes to rest by itself.
+            share = min(speed, AROUND_SPEED) if self.sight.obstacles else speed
             try:
-                arrived = yield from self._follow(side, waypoints, speed, exempt)
+                arrived = yield from self._follow(side, waypoints, share, exempt)
             except TaskFailed as failed:
                 # What the guard has stopped is not stopped again on every path.
                 if failed.kind != "stalled" or number == PATHS - 1:
@@ -192,20 +210,36 @@ class Work:
         start = goal.copy()
         goal[_own(side)] = q
         exempt = (*exempt, *self.at_rest(side))
-        path = self._best_path(side, self.collision(exempt), start, goal, number)
-        if path.status is PathStatus.START_BLOCKED and self.sight.obstacles:
-            # It stands nearer to an obstacle than a path may lead, and has to get away from there.
-            path = self._best_path(side, self.collision(exempt, spread_m=0.0), start, goal, number)
+        model = self.collision(exempt)
+        # Nearer to an obstacle than the guard lets it go on it has to get away from there first.
+        out = self._way_out(side, model, model, start, number)
+        path = self._best_path(side, model, start if out is None else out, goal, number)
         if path.status is not PathStatus.FOUND:
             bodies = " ".join((path.status.name.lower(), *path.bodies)).rstrip()
             raise self.no_way(f"no path for the {side} arm ({bodies})")
-        return path.waypoints
+        return path.waypoints if out is None else np.vstack([start, path.waypoints])
+
+    def make_room(self, side: Side, fingers: Mapping[Side, Vector]) -> Motion:
+        """Draw an arm away from obstacles that its hand with other joint angles (13) is too near to, if it can."""
+        start, exempt = self.body.asked_arms(), self.at_rest(side)
+        out = self._way_out(side, self.collision(exempt), self.collision(exempt, fingers=fingers), start)
+        if out is not None:
+            yield from follow_arms(self.body, np.array([start, out]), AROUND_SPEED)
+
+    def _way_out(
+        self, side: Side, model: ArmCollision, there: ArmCollision, start: Vector, number: int = 0
+    ) -> Vector | None:
+        """Return a posture (14) near `start` with room around it, by what holds there; None if it has, or has none."""
+        query = PathQuery(margin_m=CLOSE_M, more_m=ROOM_M, step_rad=0.02, seed=number)
+        if not self.sight.obstacles or there.is_free(start, query.margin_m, query.more_m):
+            return None
+        return way_out(model, start, np.arange(len(start))[_own(side)], query, there)
 
     def _best_path(self, side: Side, model: ArmCollision, start: Vector, goal: Vector, number: int) -> ArmPath:
         """Return a path: among obstacles, or with the box in the hand, the one of several detours that costs least."""
         margin = PATH_MARGIN_M if self.sight.held_by is None else CARRY_MARGIN_M
         count = DETOURS if self.sight.held_by == side or self.sight.obstacles else 1
-        queries = [PathQuery(margin_m=margin, seed=count * number + k) for k in range(count)]
+        queries = [PathQuery(margin_m=margin, more_m=ROOM_M, seed=count * number + k) for k in range(count)]
         first = plan_path(model, start, goal, queries[0])
         if not first.by_chance:
             return first
@@ -249,7 +283,7 @@ class Work:
     def _keeps_clear(self, waypoints: Matrix, exempt: tuple[tuple[str, str], ...]) -> bool:
         """Tell whether each two bodies keep half a path's margin, or what the start has, on way-points (n, 14)."""
         model = self.collision(exempt)
-        margins = model.margins(PATH_MARGIN_M / 2, waypoints[:1], ALLOWED_DIP)
+        margins = model.margins(PATH_MARGIN_M / 2, waypoints[:1], ALLOWED_DIP, ROOM_M)
         return all(model.edge_free(a, b, margins) for a, b in pairwise(waypoints))
 
     def _gentle(self, held: HeldBox, legs: Iterable[Matrix]) -> list[float]:

@@ -2,7 +2,7 @@
 
 Every body has a name that exemptions use: `<side>_arm`, `<side>_hand`, `held`, and the names of the boxes.
 A box is covered by capsules along its longest edge whose radius is its shortest half edge; its corners
-stick out by at most 0.73 of that radius, which the caller's margin has to cover.
+stick out by at most 0.73 of that radius, which the caller's margin has to cover, or `edge_capsules` of the thickest.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,6 +84,21 @@ def hand_capsules(side: Side, q_hand: ArrayLike) -> list[Capsule]:
             segments = box_segments(X_palm_box, half)
         capsules += [Capsule(f"{side}_hand", side, PALM, start, end, radius) for start, end, radius in segments]
     return capsules
+
+
+def edge_capsules(held: HeldBox | None) -> list[Capsule]:
+    """Return the twelve edges of each palm and of the held box as capsules without thickness: what sticks out most."""
+    edges: list[Capsule] = []
+    for side in SIDES:
+        center, half = part_box(side, "palm")
+        edges += _edges(f"{side}_hand", side, transform(center), half)
+    return edges if held is None else edges + _edges("held", held.side, held.X_palm_box, held.half)
+
+
+def _edges(body: str, side: Side, X_palm_box: Matrix, half: Matrix) -> list[Capsule]:
+    corners = np.array(list(product((-1.0, 1.0), repeat=3))) * half @ X_palm_box[:3, :3].T + X_palm_box[:3, 3]
+    along = [(i, i | bit) for bit in (1, 2, 4) for i in range(8) if not i & bit]
+    return [Capsule(body, side, PALM, corners[i], corners[j], 0.0) for i, j in along]
 
 
 def held_capsules(held: HeldBox) -> list[Capsule]:

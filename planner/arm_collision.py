@@ -13,7 +13,14 @@ from preshape.hal.compiled import compiled
 from preshape.hal.layout import ARM_DOF, SIDES, Side
 from preshape.hal.transform import Matrix
 from preshape.hal.world import OrientedBox, Workcell
-from preshape.planner.arm_capsules import HeldBox, box_pairs, capsule_pairs, frame_index, robot_capsules
+from preshape.planner.arm_capsules import (
+    HeldBox,
+    box_pairs,
+    capsule_pairs,
+    edge_capsules,
+    frame_index,
+    robot_capsules,
+)
 from preshape.planner.arm_kinematics import FRAME_COUNT, chain_frames, link_origins, mount
 from preshape.planner.capsule_distance import segment_box_distance, segment_distance
 
@@ -146,6 +153,8 @@ class ArmCollision:
         q_hands: finger angles (13) of both hands, rad.
         held: the box in one hand, or None.
         obstacles: further boxes.
+        appeared: boxes that nobody knew of before, of which more may be kept (`more`, m), by less coarse shapes: beside
+            the capsules of the palms and the held box their edges count, too.
         exempt: pairs of body names (`<side>_arm`, `<side>_hand`, `held`, box names) that may touch.
 
     Joint vectors are (14,): right arm, left arm, rad.
@@ -158,14 +167,20 @@ class ArmCollision:
         held: HeldBox | None = None,
         obstacles: tuple[OrientedBox, ...] = (),
         exempt: Collection[tuple[str, str]] = (),
+        appeared: tuple[OrientedBox, ...] = (),
     ) -> None:
-        capsules = robot_capsules(q_hands, held)
-        boxes = (*cell.statics, *obstacles)
+        coarse = robot_capsules(q_hands, held)
+        edges = edge_capsules(held) if appeared else []
+        capsules = [*coarse, *edges]
+        boxes = (*cell.statics, *obstacles, *appeared)
+        known = len(boxes) - len(appeared)
         self._bodies = [capsule.body for capsule in capsules]
         self._boxes = [box.name for box in boxes]
         excused = self._exemptions(exempt)
-        pairs = _index_pairs(capsule_pairs(capsules, excused))
-        with_boxes = _index_pairs(box_pairs(capsules, self._boxes, excused))
+        pairs = _index_pairs(capsule_pairs(coarse, excused))
+        with_boxes = _index_pairs(
+            [(i, k) for i, k in box_pairs(capsules, self._boxes, excused) if i < len(coarse) or k >= known]
+        )
         number = {name: number for number, name in enumerate(dict.fromkeys((*self._bodies, *self._boxes)))}
         body = np.array([number[name] for name in self._bodies], dtype=np.int64)
         box = np.array([number[name] for name in self._boxes], dtype=np.int64)
@@ -173,6 +188,8 @@ class ArmCollision:
         second = np.concatenate([body[pairs[:, 1]], box[with_boxes[:, 1]]])
         meetings, meeting = np.unique(first * len(number) + second, return_inverse=True)
         self._touching = np.zeros(len(meetings))
+        new = [number[box.name] for box in appeared]
+        self._with_appeared = np.isin(meetings % len(number), new).astype(float)
         self.tables = _Tables(
             origins=link_origins(),
             bases=np.array([cell.X_world_base[side] for side in SIDES]),
@@ -207,21 +224,24 @@ class ArmCollision:
         first, box = self.tables.box_pairs[pair - len(self.tables.pairs)]
         return Clearance(distance, (self._bodies[first], self._boxes[box]))
 
-    def is_free(self, q: ArrayLike, margin: float = 0.0) -> bool:
-        """Return whether every pair is at least `margin` (m) apart at q (14)."""
-        return bool(least_slack(self.tables, arms_vector(q), self._touching, margin, margin)[0] >= margin)
+    def is_free(self, q: ArrayLike, margin: float = 0.0, more: float = 0.0) -> bool:
+        """Return whether every pair is at least `margin` (m) apart at q (14), by `more` from what has appeared."""
+        extra = more * self._with_appeared
+        return bool(least_slack(self.tables, arms_vector(q), extra, margin, margin)[0] >= margin)
 
-    def margins(self, margin: float, ends: Iterable[ArrayLike] = (), dip: float = 0.0) -> Matrix:
+    def margins(self, margin: float, ends: Iterable[ArrayLike] = (), dip: float = 0.0, more: float = 0.0) -> Matrix:
         """Return what each two bodies have to keep (meetings,), m: min(margin, d(q) - dip) over the ends q (14).
 
         Each two by themselves: a hand that stands near an obstacle does not let the box in it come near to the table.
+        `more` is added to the margin from what has appeared.
         """
-        cleared = np.full(len(self._touching), margin + dip)
+        wanted = margin + more * self._with_appeared
+        cleared = wanted + dip
         for q in map(arms_vector, ends):
             while (nearest := least_slack(self.tables, q, cleared, 0.0, -np.inf))[1] >= 0:
                 slack, pair = nearest
                 cleared[self.tables.meeting[pair]] += slack
-        return np.minimum(margin, cleared - dip)
+        return np.minimum(wanted, cleared - dip)
 
     def edge_free(self, q_from: ArrayLike, q_to: ArrayLike, margins: Matrix, step: float = 0.05) -> bool:
         """Return whether the straight joint path keeps `margins` (meetings,), m, sampled at most `step` rad apart."""

@@ -34,6 +34,7 @@ class PathQuery:
 
     Attributes:
         margin_m: clearance to keep; two bodies that have less at start or goal keep what they have, less 1 mm.
+        more_m: added to it where one of them is an obstacle that has appeared.
         step_rad: largest joint change between two checked samples.
         limit_margin_rad: via-points stay this far inside the joint limits.
         iterations: most samples the trees may draw.
@@ -42,6 +43,7 @@ class PathQuery:
     """
 
     margin_m: float = 0.02
+    more_m: float = 0.0
     step_rad: float = 0.04
     limit_margin_rad: float = 0.05
     iterations: int = 4000
@@ -75,6 +77,12 @@ ALLOWED_DIP = 0.001
 """What a path may lose of the clearance that its own ends have, m."""
 
 
+TREMBLE = 2e-4
+"""What two bodies that stand near each other may come nearer on a way out, m."""
+SMALLEST_OUT_RAD, LARGEST_OUT_RAD, WAYS_OUT = 0.03, 0.5, 1500
+"""Largest joint change of the first and the last posture that is tried for a way out, and how many are."""
+
+
 def arm_limits(margin: float) -> tuple[Matrix, Matrix]:
     """Return lower and upper limits (14,) of right then left arm, drawn in by a margin, rad."""
     lower = np.concatenate([LAYOUT.lower[LAYOUT.arm(side)] for side in SIDES])
@@ -102,11 +110,33 @@ def plan_path(model: ArmCollision, q_start: ArrayLike, q_goal: ArrayLike, query:
         clearance = model.clearance(q)
         if clearance.distance < 0.0:
             return _none(blocked, clearance.bodies)
-    margins = model.margins(query.margin_m, (start, goal), ALLOWED_DIP)
+    margins = model.margins(query.margin_m, (start, goal), ALLOWED_DIP, query.more_m)
     waypoints = _search(model, start, goal, margins, query)
     if waypoints is None:
         return _none(PathStatus.NOT_FOUND)
     return ArmPath(PathStatus.FOUND, waypoints, float(margins.min(initial=query.margin_m)))
+
+
+def way_out(
+    model: ArmCollision, q_start: ArrayLike, moving: NDArray[np.int64], query: PathQuery, there: ArmCollision
+) -> Matrix | None:
+    """Return q (14), rad, a straight way from q_start, where all keep the query's margin; None if none is found.
+
+    `model` holds on the way, on which no two come nearer than they are at the start, but for `TREMBLE` m; `there`
+    holds at its end. The nearest of random postures of the joints `moving`; the same query always gives the same.
+    """
+    start = arms_vector(q_start)
+    margins = model.margins(query.margin_m, (start,), TREMBLE, query.more_m)
+    low, high = arm_limits(0.0)
+    rng = np.random.default_rng(query.seed)
+    for size in np.linspace(SMALLEST_OUT_RAD, LARGEST_OUT_RAD, WAYS_OUT):
+        q = start.copy()
+        turn = rng.normal(size=len(moving))
+        q[moving] = np.clip(start[moving] + size * turn / np.abs(turn).max(), low[moving], high[moving])
+        free = there.is_free(q, query.margin_m, query.more_m)
+        if free and model.edge_free(start, q, margins, query.step_rad):
+            return q
+    return None
 
 
 def _search(model: ArmCollision, start: Matrix, goal: Matrix, margins: Matrix, query: PathQuery) -> Matrix | None:

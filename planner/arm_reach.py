@@ -93,12 +93,14 @@ class ReachQuery:
     Attributes:
         grid: how the redundancy is sampled.
         margin_m: clearance that the coarse shapes must keep.
+        more_m: added to it from obstacles that have appeared.
         travel_weight: score given up per rad of the largest joint change from `near`.
         least_score: postures below it are not taken.
     """
 
     grid: IkGrid = IkGrid()
     margin_m: float = 0.01
+    more_m: float = 0.0
     travel_weight: float = 5.0
     least_score: float = 2.0
 
@@ -148,7 +150,7 @@ def reach(
     own = slice(SIDES.index(side) * ARM_DOF, (SIDES.index(side) + 1) * ARM_DOF)
     for q in qs:
         q_all[own] = q
-        if collision.is_free(q_all, query.margin_m):
+        if collision.is_free(q_all, query.margin_m, query.more_m):
             return Reach(ReachStatus.REACHABLE, q, score(side, q))
     q_all[own] = qs[0]
     return Reach(ReachStatus.COLLIDES, nearest=collision.clearance(q_all).bodies)

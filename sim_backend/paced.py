@@ -178,7 +178,10 @@ class PacedPerception:
     def obstacles(self, now_ns: int) -> tuple[OrientedBox, ...]:
         """Return the obstacles as they were one delay ago."""
         record = self._state.read()
-        return () if record is None else self._sensors.obstacles(int(record[0]["scene_ns"]))
+        if record is None:
+            return ()
+        self._sensors.appeared_s = record[0]["appeared_s"][: len(self._sensors.appeared_s)]
+        return self._sensors.obstacles(int(record[0]["scene_ns"]))
 
     def image(self, now_ns: int) -> Image:
         """Take an image, read out around where the last pose sample puts the box."""

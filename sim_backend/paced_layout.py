@@ -31,7 +31,8 @@ COMMAND = np.dtype(
 def state_record(model: mujoco.MjModel) -> np.dtype[Any]:
     """Return the record that the physics publishes every step; times in ns on the machine's monotonic clock.
 
-    `scene_ns` counts from the start of the simulation; a pose stamp of -1 says that no sample has arrived.
+    `scene_ns` counts from the start of the simulation; a pose stamp of -1 says that no sample has arrived, and
+    `appeared_s` since when each obstacle has been there (NaN: not yet).
     """
     return np.dtype(
         [
@@ -48,6 +49,7 @@ def state_record(model: mujoco.MjModel) -> np.dtype[Any]:
             ("X_world_box", np.float64, (4, 4)),
             ("qpos", np.float64, (model.nq,)),
             ("mocap_pos", np.float64, (max(1, model.nmocap), 3)),
+            ("appeared_s", np.float64, (max(1, model.nmocap),)),
         ]
     )
 

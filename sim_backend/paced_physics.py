@@ -185,6 +185,7 @@ class PacedPhysics:
         out["X_world_box"] = np.eye(4) if sample is None else sample.X_world_box
         out["qpos"] = simulation.data.qpos
         out["mocap_pos"][: simulation.model.nmocap] = simulation.data.mocap_pos
+        out["appeared_s"][: simulation.model.nmocap] = simulation.obstacles.appeared_s
         self._state.publish()
 
     def _serve(self, joints: Joints) -> None:

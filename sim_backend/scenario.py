@@ -71,7 +71,9 @@ class TableSection(Section, frozen=True):
 class ObstacleSection(Section, frozen=True):
     """A box in the way: there from `appears_s` on, moving with a constant velocity from then.
 
-    `origin` is what its place counts from: the world's origin, or the table under the middle of the box.
+    `origin` is what its place counts from: the world's origin, or the table under the middle of the box. One that was
+    not there from the start waits until the robot and the object are `room_m` from its place: nobody can stop before
+    what is already upon him. With 0 it does not wait.
     """
 
     name: str
@@ -80,6 +82,7 @@ class ObstacleSection(Section, frozen=True):
     origin: Literal["world", "box"] = "world"
     yaw_deg: float = 0.0
     appears_s: NonNegative = 0.0
+    room_m: NonNegative = 0.06
     velocity_m_per_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 

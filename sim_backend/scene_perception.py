@@ -17,6 +17,7 @@ def attach_sensors(simulation: Simulation, cast: Cast | None = None) -> SceneSen
     """Return the sensors of a simulation, recording from now on; `cast` takes the images (default: `image_cast`)."""
     scenario = simulation.scenario
     sensors = SceneSensors(scenario, camera_model(scenario), cast or image_cast(simulation), simulation.start_ns)
+    sensors.appeared_s = simulation.obstacles.appeared_s
     period_ns = round(1e9 / scenario.perception.rate_hz)
     due_ns = simulation.start_ns
 

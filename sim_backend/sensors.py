@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.hal.state import Vector
 from preshape.hal.transform import Matrix, exp_so3, rpy_matrix, transform
 from preshape.hal.world import CameraModel, Image, OrientedBox, PoseSample
 from preshape.sim_backend.scenario import ObstacleSection, PerceptionSection, Scenario
@@ -16,11 +17,11 @@ Cast = Callable[[Matrix | None], NDArray[np.uint8]]
 """Takes the image of this moment; given the box's expected pose, it may read out a window around it only."""
 
 
-def obstacle_pose(obstacle: ObstacleSection, time_s: float) -> Matrix | None:
-    """Return X_world_obstacle at a time since the start, None before it appears; it moves on from then."""
-    if time_s < obstacle.appears_s:
+def obstacle_pose(obstacle: ObstacleSection, time_s: float, appeared_s: float) -> Matrix | None:
+    """Return X_world_obstacle at a time since the start, None before it appeared (NaN: not yet); it moves from then."""
+    if not time_s >= appeared_s:
         return None
-    p = np.array(obstacle.position_m) + np.array(obstacle.velocity_m_per_s) * (time_s - obstacle.appears_s)
+    p = np.array(obstacle.position_m) + np.array(obstacle.velocity_m_per_s) * (time_s - appeared_s)
     return transform(p, rpy_matrix((0.0, 0.0, np.deg2rad(obstacle.yaw_deg))))
 
 
@@ -71,12 +72,16 @@ class PoseSensor:
 
 
 class SceneSensors:
-    """`preshape.hal.world.Perception` of a simulated scene; the simulator calls `record` at every step."""
+    """`preshape.hal.world.Perception` of a simulated scene; the simulator calls `record` at every step.
+
+    `appeared_s` (obstacles,) is when each obstacle appeared, since the start, NaN: not yet; the simulator keeps it.
+    """
 
     def __init__(self, scenario: Scenario, camera: CameraModel, cast: Cast, start_ns: int = 0) -> None:
         """Set up the sensors of a drawn scenario; `cast` takes images, and times count from `start_ns`."""
         self._pose = PoseSensor(scenario.perception, scenario.seed, start_ns)
         self._obstacles = scenario.obstacles
+        self.appeared_s: Vector = np.full(len(scenario.obstacles), np.nan)
         self._delay_ns = round(scenario.perception.delay_s * 1e9)
         self._camera = camera
         self._cast = cast
@@ -93,7 +98,10 @@ class SceneSensors:
     def obstacles(self, now_ns: int) -> tuple[OrientedBox, ...]:
         """Return the scenario's obstacles as they were one delay ago."""
         time_s = (now_ns - self._delay_ns - self._start_ns) * 1e-9
-        poses = [(obstacle, obstacle_pose(obstacle, time_s)) for obstacle in self._obstacles]
+        poses = [
+            (obstacle, obstacle_pose(obstacle, time_s, float(appeared_s)))
+            for obstacle, appeared_s in zip(self._obstacles, self.appeared_s, strict=True)
+        ]
         return tuple(
             OrientedBox(f"obstacle_{obstacle.name}", X, np.array(obstacle.size_m) / 2)
             for obstacle, X in poses

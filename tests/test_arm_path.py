@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from preshape.control.distances import Boxes, PairDistances, pair_distances
+from preshape.hal.description import part_box
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.transform import rpy_matrix, transform
 from preshape.hal.world import CameraModel, OrientedBox, Workcell
@@ -23,6 +25,10 @@ HANDS: dict[Side, np.ndarray] = {side: LAYOUT.lower[LAYOUT.hand(side)].clip(min=
 HOME_RIGHT = np.array([-1.372, -0.859, 1.185, -2.359, 0.814, 1.836, -0.890])
 HOME = np.concatenate([HOME_RIGHT, HOME_RIGHT * [-1, 1, -1, 1, -1, 1, -1]])
 ABOVE_BOX = np.array([-1.62, -0.68, 1.64, -1.85, 0.71, 1.83, 0.61])
+
+
+FACE_SAG_M = 0.0115
+"""How far the middle of a palm's face sticks out of its capsules, m."""
 
 
 def _with_right(q: np.ndarray) -> np.ndarray:
@@ -105,6 +111,45 @@ def test_is_free_agrees_with_clearance() -> None:
         distances.append(distance)
         assert model.is_free(q, 0.03) == (distance >= 0.03)
     assert min(distances) < 0.0 < max(distances) < FAR
+
+
+def test_what_has_appeared_is_nowhere_nearer_than_the_model_says_but_for_the_sag_of_faces() -> None:
+    rng = np.random.default_rng(8)
+    held = HeldBox("right", transform((0.0, 0.0, 0.22)), np.array([0.03, 0.045, 0.1]))
+    X_palm, (center, half) = palm_pose("right", BASES["right"], HOME[:7]), part_box("right", "palm")
+    bodies = Boxes.of(
+        [
+            OrientedBox("palm", X_palm @ transform(center), half),
+            OrientedBox("held", X_palm @ held.X_palm_box, held.half),
+        ]
+    )
+    beyond = 0
+    for number in range(200):
+        corner = bodies.R[number % 2] @ (rng.choice([-1.0, 1.0], 3) * bodies.h[number % 2]) + bodies.p[number % 2]
+        box = OrientedBox("new", transform(corner + rng.normal(0.0, 0.03, 3)), np.full(3, 0.01))
+        exact = PairDistances.empty(2)
+        pair_distances("l2", bodies, Boxes.of([box]), np.array([[0, 0], [1, 0]]), exact)
+        coarse = ArmCollision(CELL, HANDS, held, (box,)).clearance(HOME).distance
+        fine = ArmCollision(CELL, HANDS, held, appeared=(box,)).clearance(HOME).distance
+        assert fine <= coarse
+        if exact.distance.min() >= 0.0:
+            assert fine <= exact.distance.min() + FACE_SAG_M
+            beyond += coarse > exact.distance.min() + FACE_SAG_M
+    assert beyond >= 10, "the coarse shapes alone would not do"
+
+
+def test_from_what_has_appeared_more_is_kept_and_from_nothing_else() -> None:
+    place = palm_pose("right", BASES["right"], HOME[:7])[:3, 3] + [0.0, -0.2, 0.0]
+    post = OrientedBox("post", transform(place), np.full(3, 0.02))
+    known, new = ArmCollision(CELL, HANDS, None, (post,)), ArmCollision(CELL, HANDS, appeared=(post,))
+    distance = new.clearance(HOME).distance
+    assert new.clearance(HOME).bodies == ("right_hand", "post") and 0.0 < distance <= known.clearance(HOME).distance
+    assert new.is_free(HOME, distance - 0.011, 0.010) and not new.is_free(HOME, distance - 0.009, 0.010)
+    assert known.is_free(HOME, distance - 0.009, 0.010)
+    assert known.margins(0.02, more=0.01).max() == pytest.approx(0.02)
+    assert set(np.round(new.margins(0.02, more=0.01), 12)) == {0.02, 0.03}
+    near = np.isclose(new.margins(0.02, (HOME,), ALLOWED_DIP, 1.0), distance - ALLOWED_DIP)
+    assert near.sum() == 1, "two that are nearer than that at an end of a path keep what they have"
 
 
 def test_score_is_the_lesser_of_limit_margin_and_manipulability() -> None:

@@ -15,11 +15,12 @@ from preshape.control.distances import Boxes, PairDistances, pair_distances
 from preshape.control.failure import TaskFailed
 from preshape.control.guard import MARGIN_M, PATIENCE_S, ObstacleGuard, stopping_position
 from preshape.control.hand import Hand
-from preshape.control.link_boxes import NODE_COUNT, LinkBoxes, arm_nodes
+from preshape.control.link_boxes import NODE_COUNT, PARTS, LinkBoxes, arm_nodes, hand_nodes
 from preshape.control.motions import Motion, lead_palm
 from preshape.control.sight import Sight
 from preshape.control.smoothing import Smoother
-from preshape.control.work import DETOURS, Work
+from preshape.control.work import DETOURS, ROOM_M, Work
+from preshape.hal import sah_hand
 from preshape.hal.layout import LAYOUT, SIDES, Side
 from preshape.hal.state import DeviceStatus, RobotState, Vector
 from preshape.hal.transform import Matrix, transform
@@ -188,7 +189,8 @@ def test_where_no_path_is_left_the_arm_stalls_by_name() -> None:
     assert world.nearest > 0.5 * MARGIN_M
 
 
-def test_an_arms_distance_is_that_of_the_planners_capsules() -> None:
+@pytest.mark.parametrize("body", ["right_arm", "right_hand"])
+def test_the_distance_of_arms_and_fingers_is_that_of_the_planners_capsules(body: str) -> None:
     rng = np.random.default_rng(5)
     world = World()
     checked = 0
@@ -196,18 +198,27 @@ def test_an_arms_distance_is_that_of_the_planners_capsules() -> None:
         arms = 0.5 * (LAYOUT.lower + LAYOUT.upper)
         arms[LAYOUT.arm("right")] += rng.uniform(-0.6, 0.6, 7)
         poses = world.links.update(arms)
-        # Near the forearm, which is long: its bounding box is much wider than its capsule.
-        world.place(poses.p_box[rng.integers(4, 6)] + rng.normal(0.0, 0.12, 3), 0.05)
+        # Near the forearm, which is long: its bounding box is much wider than its capsule; or near a finger.
+        near = rng.integers(4, 6) if body == "right_arm" else rng.choice(np.arange(NODE_COUNT)[hand_nodes("right")])
+        world.place(poses.p_box[near] + rng.normal(0.0, 0.12, 3), 0.05 if body == "right_arm" else 0.02)
         obstacle = world.sight.obstacles[0]
         q_hands: dict[Side, Vector] = {side: arms[LAYOUT.hand(side)] for side in SIDES}
-        exempt = (("right_hand", obstacle.name), ("left_hand", obstacle.name))
+        others = {"right_arm", "right_hand", "left_arm", "left_hand"} - {body}
+        exempt = tuple((other, obstacle.name) for other in others)
         model = ArmCollision(CELL, q_hands, None, (obstacle,), exempt)
         found = model.clearance(np.concatenate([arms[LAYOUT.arm(side)] for side in SIDES]))
-        if found.bodies != ("right_arm", obstacle.name):
+        distance = world.guard.distances(arms, Boxes.of([obstacle]))
+        own = distance[arm_nodes("right") if body == "right_arm" else hand_nodes("right")]
+        round_ones = [
+            PARTS[number] for number in range(len(PARTS)) if sah_hand.PARTS[PARTS[number]][0].kind == "capsule"
+        ]
+        # Palm and knuckles are boxes here, which stick out of their capsules.
+        if found.bodies != (body, obstacle.name) or (
+            body == "right_hand" and PARTS[int(own.argmin())] not in round_ones
+        ):
             continue
         checked += 1
-        distance = world.guard.distances(arms, Boxes.of([obstacle]))
-        assert float(distance[arm_nodes("right")].min()) == pytest.approx(found.distance, abs=1e-9)
+        assert float(own.min()) == pytest.approx(found.distance, abs=1e-9)
     assert checked >= 10
 
 
@@ -216,10 +227,10 @@ def test_what_stands_nearer_to_an_obstacle_than_a_path_may_lead_still_gets_away(
     work = ground(world)
     X = world.body.palm("right")
     gap = 0.13
-    while work.collision().is_free(work.body.asked_arms()):
+    while work.collision().is_free(work.body.asked_arms(), 0.0, ROOM_M):
         gap -= 0.002
         world.place(beside(X, gap, 0.06), 0.06)
-    assert work.collision(spread_m=0.0).is_free(work.body.asked_arms()), "it stands too near for a path, and is free"
+    assert work.collision().is_free(work.body.asked_arms()), "it stands too near for a path, and is free"
     q = work.posture("right", transform((0.0, -0.2, 0.05)) @ X)
     assert q is not None
     world.run(work.travel("right", q))
@@ -230,7 +241,7 @@ def test_what_stands_nearer_to_an_obstacle_than_a_path_may_lead_still_gets_away(
 def test_an_obstacle_beside_the_arm_at_rest_is_not_in_the_way_of_the_other() -> None:
     world = World()
     work = ground(world)
-    world.place(beside(world.body.palm("right"), -0.115, 0.06), 0.06)
+    world.place(beside(world.body.palm("right"), -0.100, 0.06), 0.06)
     X = transform((0.05, 0.0, 0.05)) @ world.body.palm("left")
     assert work.posture("left", X, work.collision()) is None
     assert work.posture("left", X, work.collision(work.at_rest("left"))) is not None

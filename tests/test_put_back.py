@@ -77,7 +77,7 @@ def taken(yaw: float, obstacle_at: tuple[float, float, float]) -> tuple[Work, Ma
     position = home_position()
     position[LAYOUT.arm("right")] = choice.lift
     body.links.update(position)
-    sight.held_by, sight.X_world_box = "right", raised(X_stood, LIFT_M)
+    sight.held_by, sight.X_world_box, work.grips["right"] = "right", raised(X_stood, choice.lift_m), choice.grip
     work.blank.add(shown_face(choice.grip))
     return work, X_stood, choice
 

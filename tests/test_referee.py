@@ -115,7 +115,9 @@ def test_fingers_of_one_hand_that_touch_are_reported_apart() -> None:
 
 
 def test_an_obstacle_on_the_box_is_undesired() -> None:
-    section = ObstacleSection(name="wall", size_m=(0.1, 0.1, 0.1), position_m=(0.55, -0.3, 0.24), appears_s=0.05)
+    section = ObstacleSection(
+        name="wall", size_m=(0.1, 0.1, 0.1), position_m=(0.55, -0.3, 0.24), appears_s=0.05, room_m=0.0
+    )
     simulation, referee = world(Scenario(name="hit", obstacles=(section,)))
     simulation.step(50)
     assert referee.verdict().undesired_contacts == ()

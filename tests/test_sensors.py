@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from preshape.hal.transform import Matrix, exp_so3, log_so3, transform
-from preshape.hal.world import CameraModel, Perception, PoseSample
+from preshape.hal.world import CameraModel, PoseSample
 from preshape.sim_backend.scenario import ObstacleSection, PerceptionSection, Scenario
 from preshape.sim_backend.sensors import PoseSensor, SceneSensors, obstacle_pose
 
@@ -88,8 +88,10 @@ def test_obstacles_appear_move_on_and_are_seen_late() -> None:
     moving = ObstacleSection(
         name="bar", size_m=(0.1, 0.2, 0.3), position_m=(0.5, 0.0, 0.4), appears_s=1.0, velocity_m_per_s=(0.0, 0.1, 0.0)
     )
-    assert obstacle_pose(moving, 0.999) is None
-    sensors: Perception = SceneSensors(Scenario(name="s", obstacles=(moving,)), CAMERA, no_image)
+    assert obstacle_pose(moving, 0.999, 1.0) is None and obstacle_pose(moving, 5.0, np.nan) is None
+    sensors = SceneSensors(Scenario(name="s", obstacles=(moving,)), CAMERA, no_image)
+    assert sensors.obstacles(5000 * MS) == ()
+    sensors.appeared_s = np.array([1.0])
     assert sensors.obstacles(1030 * MS) == ()
     (seen,) = sensors.obstacles(3040 * MS)
     assert np.allclose(seen.X_world_box[:3, 3], [0.5, 0.2, 0.4]) and np.allclose(seen.half, [0.05, 0.1, 0.15])

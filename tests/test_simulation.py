@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -71,6 +72,23 @@ def test_an_obstacle_is_away_until_it_appears_and_then_moves() -> None:
     assert np.linalg.norm(simulation.data.xpos[body]) > 10.0
     simulation.step(101)
     assert simulation.data.xpos[body] == pytest.approx([0.6, 0.01, 0.5], abs=1e-9)
+
+
+def test_an_obstacle_waits_until_there_is_room_for_it_and_one_that_is_there_from_the_start_does_not() -> None:
+    waits = ObstacleSection(name="late", size_m=(0.04, 0.04, 0.04), position_m=(0.58, -0.18, 0.24), appears_s=0.02)
+    scene = Scenario(name="obstacle", box=BoxSection(position_m=(0.58, -0.18)), obstacles=(waits,))
+    simulation = Simulation(scene)
+    body, joint = simulation.model.body("obstacle_late").id, simulation.model.joint("box").qposadr[0]
+    # Under the spot stands the box, 0.20 m high: too near.
+    simulation.step(50)
+    assert np.isnan(simulation.obstacles.appeared_s[0]) and np.linalg.norm(simulation.data.xpos[body]) > 10.0
+    simulation.data.qpos[joint] += 0.2
+    simulation.step(2)
+    assert simulation.obstacles.appeared_s[0] == pytest.approx(0.051, abs=1e-9)
+    simulation.step()
+    assert simulation.data.xpos[body] == pytest.approx(waits.position_m, abs=1e-9)
+    there = msgspec.structs.replace(waits, appears_s=0.0)
+    assert Simulation(msgspec.structs.replace(scene, obstacles=(there,))).obstacles.appeared_s[0] == 0.0
 
 
 def test_a_kick_pushes_through_the_box_centre_and_ends() -> None:
