@@ -39,6 +39,8 @@ from preshape.sim_backend.simulation import STEP_NS
 ROOM_DEGC, MOST_DEGC = 25.0, 85.0
 HEATING_DEGC, HEATING_S = 50.0, 60.0
 """Winding above room temperature after long time at full torque, and its time constant (E)."""
+FIRST_COMMAND_S = 1.0
+"""How long an armed module waits for its first command, s: whoever armed it may be gone."""
 
 Sample = Callable[[], tuple[Vector, Vector, Vector]]
 """Returns the newest position, velocity and torque of all joints (40,)."""
@@ -219,8 +221,9 @@ class JointModule:
                 drives.push(target[enabled], limit, joints)
             case WireMode.HOLD | WireMode.BRAKE:
                 if self._mode is not command.mode:
-                    strength = limit if command.mode is WireMode.HOLD else LAYOUT.torque[joints]
-                    drives.hold(self._sample()[0][joints], strength, joints)
+                    self._held = self._sample()[0][self._joints].copy()
+                strength = limit if command.mode is WireMode.HOLD else LAYOUT.torque[joints]
+                drives.hold(self._held[enabled], strength, joints)
             case WireMode.DISABLED:
                 drives.release(joints)
             case WireMode.POLL:
@@ -275,25 +278,32 @@ class JointModule:
         return Answer.DONE
 
     def _enter(self, now_ns: int, state: ModuleState, error: ModuleError, cause: str) -> None:
-        """Change the state and hold the measured position at full strength until the next command."""
+        """Change the state and hold the measured position as strongly as allowed until the next command."""
         if state is not ModuleState.ARMED:
             if self.state is ModuleState.ARMED:
                 self._key = self._random.getrandbits(32)
             self._session = 0
         silence_ns = None if self._commanded_ns is None else now_ns - self._commanded_ns
-        self.state, self.error = state, error
+        self.state, self.error, self._entered_ns = state, error, now_ns
         self._mode = self._commanded_ns = self._waiting = None
         self._cadence = CommandCadence(max(1, round(self.parameters.cycle_us * 1000 / STEP_NS)), self._delay_steps)
         self._hold()
         self.events.append(ModuleEvent(now_ns, self.module.node, state, cause, silence_ns))
 
     def _hold(self) -> None:
-        self._drives.hold(self._sample()[0][self._joints], LAYOUT.torque[self._joints], self._joints)
+        self._held = self._sample()[0][self._joints].copy()
+        self._drives.hold(self._held, self.parameters.torque_limit, self._joints)
 
     def _watch(self, now_ns: int) -> None:
-        if self.state is ModuleState.ARMED and self._commanded_ns is not None:
-            if now_ns - self._commanded_ns > self.parameters.watchdog_ns:
-                self.fail(now_ns, ModuleError.WATCHDOG)
+        if self.state is not ModuleState.ARMED:
+            return
+        silent = (
+            now_ns - self._entered_ns > FIRST_COMMAND_S * 1e9
+            if self._commanded_ns is None
+            else now_ns - self._commanded_ns > self.parameters.watchdog_ns
+        )
+        if silent:
+            self.fail(now_ns, ModuleError.WATCHDOG)
 
     def _warm(self, now_ns: int) -> None:
         """Follow the winding's temperature: T' = (T_room + 50 K (tau / tau_max)^2 - T) / 60 s, the hottest joint."""

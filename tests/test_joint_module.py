@@ -118,10 +118,37 @@ def test_five_missed_cycles_make_an_armed_module_hold_and_say_so_until_it_is_arm
     assert bench.module.state is ModuleState.ARMED and bench.module.error is ModuleError.NONE
 
 
-def test_an_armed_module_without_a_first_command_waits(bench: Bench) -> None:
+def test_an_armed_module_waits_for_its_first_command_but_not_for_ever(bench: Bench) -> None:
     bench.arm_it()
-    bench.robot.step(200)
+    bench.robot.step(900)
     assert bench.module.state is ModuleState.ARMED
+    bench.robot.step(200)
+    assert bench.module.state is ModuleState.FAULT and bench.module.error is ModuleError.WATCHDOG
+
+
+@pytest.mark.parametrize("mode", [None, WireMode.HOLD])
+def test_whatever_holds_holds_within_the_torque_limit_that_was_set_and_commanded(
+    bench: Bench, mode: WireMode | None
+) -> None:
+    for joint in range(len(JOINTS)):
+        order = Request(Operation.WRITE, Parameter.TORQUE_LIMIT, 1, joint=joint, value=0.05)
+        assert bench.ask(order).answer is Answer.DONE
+    bench.arm_it()
+    limit = 0.05
+    if mode is not None:
+        bench.command(bench.position, 1.0, mode)
+        limit = 0.02
+        bench.command(bench.position, limit, mode)
+    assert bench.robot.model.actuator_forcerange[JOINTS, 1] == pytest.approx(limit, abs=1e-4)
+
+
+def test_a_hold_that_goes_on_stays_where_it_began(bench: Bench) -> None:
+    bench.arm_it()
+    bench.command(bench.position, 1.0, WireMode.HOLD)
+    held = bench.robot.data.ctrl[JOINTS].copy()
+    bench.robot.data.qvel[:] = 0.3
+    bench.command(bench.position, 0.5, WireMode.HOLD)
+    assert np.array_equal(bench.robot.data.ctrl[JOINTS], held)
 
 
 def test_every_broadcast_is_answered_once_with_its_sequence(bench: Bench) -> None:

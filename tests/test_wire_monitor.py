@@ -44,8 +44,19 @@ def test_a_torque_limit_above_the_joints_own_is_named(script: WireScript, over: 
 
 def test_the_limit_of_a_joint_that_is_not_enabled_does_not_count(script: WireScript) -> None:
     script.command(limit=2.0, enable=0)
-    script.command(limit=2.0, mode="hold")
     assert script.broken() == {}
+
+
+def test_the_limit_of_a_hold_counts_too(script: WireScript) -> None:
+    script.command(limit=2.0, mode="hold")
+    assert set(script.broken()) == {"torque limit"}
+
+
+@pytest.mark.parametrize("mode", ["hold", "torque", "brake"])
+def test_what_leads_a_joint_after_another_mode_begins_where_it_is(script: WireScript, mode: str) -> None:
+    script.command(mode=mode)
+    script.command({JOINT: script.position[JOINT] + 0.5 * SPEED * PERIOD_S})
+    assert script.broken() == {"first command": 1}
 
 
 def test_a_target_that_moves_faster_than_its_joint_may_is_named(script: WireScript) -> None:

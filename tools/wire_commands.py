@@ -57,10 +57,10 @@ class CommandRules:
             table.number("sequence", data),
             table.word("mode", data),
         )
-        self.sent.append(sequence)
         yield from self._rate(time_s)
         if mode == "poll":
             return
+        self.sent.append(sequence)
         self.last_s = time_s
         steps, self._sequence = (sequence - self._sequence) % SEQUENCES, sequence
         if session != self._session:
@@ -68,15 +68,16 @@ class CommandRules:
         elif not 0 < steps < SEQUENCES // 2:
             yield self._broken(time_s, "sequence", f"number {sequence} is not newer than the one before")
         enabled = self._enabled(data)
-        if mode not in ("position", "torque") or not enabled.any():
-            self._last = None
+        if mode not in ("position", "torque", "hold") or not enabled.any():
+            self._last, self._moved = None, False
             return
         yield from self._after_stop(time_s, session)
         yield from self._torque_limit(time_s, data, enabled)
         if mode == "position":
             yield from self._speed_limit(time_s, self._target.read(data), enabled, steps)
         else:
-            self._last = None
+            # Whatever the joints did meanwhile: what they are led by next begins where they are.
+            self._last, self._moved = None, False
 
     def _enabled(self, data: bytes) -> Flags:
         bits = self._table.number("enable", data)
