@@ -70,7 +70,8 @@ class ControlLoop:
     def run(self, controller: Controller) -> LoopResult:
         """Arm, run the controller until it has finished or something ends it, leave the device stopped.
 
-        Calling it is the explicit order to arm. An exception of the controller stops the device and goes on up.
+        Calling it is the explicit order to arm; after a stop that was asked for before, nothing is armed. An exception
+        of the controller stops the device and goes on up.
         """
         if self.mode is not LoopMode.DISARMED:
             raise RuntimeError("this loop has run: make a new one")
@@ -78,7 +79,10 @@ class ControlLoop:
             with quiet_collector():
                 # Collecting takes tens of milliseconds: time begins after it.
                 now_ns = self._clock.now_ns()
-                self._arm(now_ns)
+                if self._asked:
+                    self._end(LoopEvent.STOP, LoopOutcome.STOPPED, self._asked, now_ns)
+                else:
+                    self._arm(now_ns)
                 now_ns = self._spin(controller, now_ns)
         except BaseException as error:
             self._device.stop(f"the loop ended with {type(error).__name__}: {error}", self._clock.now_ns())

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any
 
 import msgspec
+
+from preshape.hal.received_json import decode_received
 
 DEVICE_KEY = "device"
 """What stands between the robot's id and everything here: `preshape/<robot>/device/...`."""
@@ -50,6 +53,14 @@ class Seen(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     obstacles: list[SeenObstacle]
 
 
+_QUESTION, _REPLY, _SEEN = msgspec.json.Decoder(Question), msgspec.json.Decoder(Reply), msgspec.json.Decoder(Seen)
+
+
+def life_token(client: int) -> str:
+    """Return what a client's sign of life is called, which all may see: it does not tell the client's number."""
+    return hashlib.sha256(str(client).encode()).hexdigest()[:16]
+
+
 def encode(value: msgspec.Struct) -> bytes:
     """Return JSON."""
     return msgspec.json.encode(value)
@@ -57,14 +68,14 @@ def encode(value: msgspec.Struct) -> bytes:
 
 def decode_question(payload: bytes) -> Question:
     """Return the question in JSON; `ValueError` if it is none."""
-    return msgspec.json.decode(payload, type=Question)
+    return decode_received(_QUESTION, payload)
 
 
 def decode_reply(payload: bytes) -> Reply:
     """Return the reply in JSON; `ValueError` if it is none."""
-    return msgspec.json.decode(payload, type=Reply)
+    return decode_received(_REPLY, payload)
 
 
 def decode_seen(payload: bytes) -> Seen:
     """Return what is seen, in JSON; `ValueError` if it is none."""
-    return msgspec.json.decode(payload, type=Seen)
+    return decode_received(_SEEN, payload)

@@ -11,7 +11,7 @@ from typing import Any
 import zenoh
 
 from preshape.hal.device import DeviceUnreachable
-from preshape.hal.remote_calls import STREAMS, Question, Reply, decode_reply, encode
+from preshape.hal.remote_calls import STREAMS, Question, Reply, decode_reply, encode, life_token
 
 ANSWER_S = 5.0
 """Longest time until an answer, s."""
@@ -43,7 +43,7 @@ class RemoteLine:
         }
         self._watch = session.liveliness().declare_subscriber(f"{root}/alive", self._on_life, history=True)
         # A token of its own: when this process ends, however it does, the server sees it go.
-        self._token = session.liveliness().declare_token(f"{root}/client/{self.client}")
+        self._token = session.liveliness().declare_token(f"{root}/client/{life_token(self.client)}")
         self._commands = session.declare_publisher(
             f"{root}/command",
             congestion_control=zenoh.CongestionControl.DROP,

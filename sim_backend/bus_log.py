@@ -48,6 +48,10 @@ class BusLog:
         """Write one frame."""
         self._writer.on_message_received(message)
 
+    def flush(self) -> None:
+        """Have everything in the file that was written so far."""
+        self._writer.file.flush()
+
     def close(self) -> None:
         """Close the file."""
         self._writer.stop()

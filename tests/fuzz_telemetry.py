@@ -43,7 +43,7 @@ def payloads(count: int, seed: int) -> Iterator[bytes]:
 
 
 def _payload(rng: random.Random) -> bytes:
-    match rng.randrange(8):
+    match rng.randrange(9):
         case 0:
             return rng.randbytes(rng.randrange(300))
         case 1:
@@ -64,6 +64,10 @@ def _payload(rng: random.Random) -> bytes:
             # Its quote, bracket or key is gone: what is left is no request.
             whole[rng.choice((0, 1, len(whole) - 1))] ^= rng.randrange(1, 256)
             return bytes(whole)
+        case 7:
+            # Nested without end where a value is expected.
+            field = rng.choice(("schema", "client", "now_ns", "arguments", "value", "reason"))
+            return b'{"' + field.encode() + b'":' + rng.choice((b"[", b'{"a":')) * 3000
         case _:
             fields = _request(rng)
             fields[rng.choice(("schema", "client", "seq", "expires_ns"))] = rng.choice(_ODD[5:])

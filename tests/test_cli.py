@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import get_args
 
 import pytest
+import tyro
 
 from preshape.control.distances import NORMS
 from preshape.control.field import FIELD_MODES
@@ -164,6 +166,20 @@ def test_usage_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_code("walk") == ExitCode.USAGE
     assert "run" in capsys.readouterr().err
     assert exit_code("--version") == ExitCode.DONE
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_example_of_a_commands_help_is_understood(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    module, read = cli.command_module(name), list[object]()
+    with pytest.raises(SystemExit):
+        cli.run_command((name, "--help"))
+    shown = capsys.readouterr().out.partition("examples:")[2].strip().splitlines()
+    assert len(shown) == len(module.EXAMPLES) >= 2
+    for line in shown:
+        program, command, *arguments = shlex.split(line, comments=True)
+        assert (program, command) == ("preshape", name)
+        read.append(tyro.cli(module.Options, prog=line, args=arguments))
+    assert len({repr(options) for options in read}) == len(shown)
 
 
 @pytest.mark.parametrize("name", ["", *cli.COMMANDS])

@@ -278,6 +278,15 @@ def test_a_stop_is_recorded_from_the_tick_on_that_knew_of_it() -> None:
     assert text_of(records[first - 1], "mode") == "running" and text_of(records[first], "mode") == "stopping"
 
 
+def test_a_stop_from_before_the_run_arms_nothing() -> None:
+    stage = Stage()
+    stage.loop.request_stop("not now")
+    result = stage.run(Sine())
+    assert (result.outcome, result.reason, result.ticks) == (LoopOutcome.STOPPED, "not now", 0)
+    assert not stage.device.written and not stage.recorder.records
+    assert stage.device.stops == ["not now"] and not stage.gate.armed
+
+
 def test_a_loop_runs_once_and_its_gate_must_have_its_period() -> None:
     stage = Stage()
     stage.run(Sine(3))

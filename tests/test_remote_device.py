@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import zenoh
 from device_conformance import DeviceConformance, Rig
+from fuzz_device import fuzz_device
 from remote_client import drive_until_killed
 from served_device import ROOT, Served, served
 from zenoh_robot import until
@@ -147,6 +148,20 @@ def test_a_call_that_does_not_exist_is_refused_by_its_name(server: Served) -> No
         with pytest.raises(RuntimeError, match="dance: no such call, allowed are open, arm, stop"):
             line.ask("dance")
         line.close()
+
+
+def test_under_fuzzed_payloads_an_armed_device_stays_where_it_is_and_strangers_are_refused(server: Served) -> None:
+    counts = fuzz_device(server, 2000, seed=3)
+    assert counts["refused"] == counts["asked"] == 500
+
+
+def test_what_all_can_see_of_a_client_does_not_tell_its_number(server: Served) -> None:
+    with server.session() as session, server.session() as stranger:
+        line = RemoteLine(session, ROOT)
+        RemoteDevice(line).open()
+        seen = [str(reply.ok.key_expr) for reply in stranger.liveliness().get("preshape/**") if reply.ok]
+        assert any(key.startswith(f"{ROOT}/client/") for key in seen)
+        assert not any(str(line.client) in key for key in seen)
 
 
 def test_a_lost_state_is_counted(server: Served) -> None:

@@ -183,6 +183,17 @@ def test_one_scenario_twice_is_refused() -> None:
         sweep_cases(Options(scenario=("tea_box", "tea_box")))
 
 
+def test_a_file_that_cannot_be_written_is_refused_before_anything_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_run, "run_case", lambda case: pytest.fail("something ran"))
+    (tmp_path / "file").write_text("kept")
+    for place in (tmp_path, tmp_path / "file" / "sweep.json"):
+        with pytest.raises(ConfigurationError, match=f"--json {place}: cannot be written"):
+            execute(Options(seeds="0:4", backend="threading", jobs=1, json=place))
+    assert (tmp_path / "file").read_text() == "kept" and len(list(tmp_path.iterdir())) == 1
+
+
 @pytest.mark.parametrize(("at_least", "code"), [(2, 0), (3, 1)])
 def test_prints_and_writes_the_same_counts_and_judges_them(
     at_least: int, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

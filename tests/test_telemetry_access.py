@@ -67,6 +67,9 @@ def test_a_viewer_cannot_command(guarded: Guarded) -> None:
         assert not [
             a for a in viewer.get(f"{ROOT}/param/joints_hz", payload=request(2, value=1.0), timeout=0.5) if a.ok
         ]
+        for every in ("preshape/*/call/stop", "preshape/**/call/stop", "preshape/**"):
+            answers = viewer.get(every, payload=request(3), timeout=0.5)
+            assert not [answer for answer in answers if answer.ok and "/call/" in str(answer.ok.key_expr)]
         time.sleep(0.2)
     assert guarded.loop.stops == []
 

@@ -155,6 +155,18 @@ def test_health_is_over_the_last_second_and_counts_over_the_run() -> None:
     assert device.age_ms is not None and device.age_ms.p50 == pytest.approx(0.5)
 
 
+def test_a_device_that_samples_at_half_the_loops_rate_is_said_to() -> None:
+    rng, meter = np.random.default_rng(0), HealthMeter(PERIOD_NS)
+    records = np.array([record_of(tick, rng) for tick in range(1500)])
+    records["stamp_ns"][1::2] = records["stamp_ns"][::2]
+    for first in range(0, 1500, 100):
+        meter.see(records[first : first + 100])
+    loop, device = meter.loop(0), meter.device("mujoco", 0)
+    assert loop is not None and device is not None
+    assert loop.rate_hz == pytest.approx(500.0) and device.rate_hz == pytest.approx(250.0, abs=1.0)
+    assert (loop.count, device.count) == (1500, 750)
+
+
 def test_what_cannot_be_read_is_refused_with_the_field() -> None:
     with pytest.raises(msgspec.ValidationError, match="seq"):
         decode_message(b'{"schema":"preshape/joints/1"}')

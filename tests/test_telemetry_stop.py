@@ -6,9 +6,10 @@ import threading
 import time
 
 import numpy as np
+import pytest
 from kinematic_device import START, KinematicDevice
 from stop_time import assert_stops_in_least_time
-from zenoh_robot import ask, client, free_endpoint, request
+from zenoh_robot import ask, client, free_endpoint, request, running_robot, until
 
 from preshape.control.controller import Setpoint
 from preshape.control.loop import ControlLoop
@@ -19,6 +20,8 @@ from preshape.hal.gate import SafetyGate
 from preshape.hal.layout import LAYOUT, SIDES
 from preshape.hal.state import DeviceStatus, RobotState
 from preshape.hal.tick_record import TickRecord, note_progress, text_of
+from preshape.tools.run_options import RunOptions
+from preshape.tools.standby import await_start
 from preshape.tools.telemetry import Telemetry
 from preshape.tools.telemetry_config import TelemetryConfig
 
@@ -72,6 +75,38 @@ class Recorder:
     def notify(self, record: TickRecord) -> None:
         """Keep a copy of one tick."""
         self.records.append(record.copy())
+
+
+@pytest.mark.parametrize("key", ["preshape/box/call/stop", "preshape/*/call/stop", "preshape/**/call/stop"])
+def test_a_stop_by_its_name_is_obeyed_for_every_robot_there_is(key: str) -> None:
+    with running_robot() as (loop, endpoint), client(endpoint) as session:
+        # Whoever asks for everything there is to read does not mean it.
+        assert ask(session, "preshape/**") and ask(session, "preshape/*/call/*") == [] and loop.stops == []
+        answers = ask(session, key, request(1, reason="enough"))
+        assert [(answer["service"], answer["code"]) for answer in answers] == [("call/stop", "done")]
+        assert until(lambda: loop.stops == ["test: enough"])
+
+
+def test_a_stop_is_obeyed_whatever_comes_with_it() -> None:
+    with running_robot() as (loop, endpoint), client(endpoint) as session:
+        assert [answer["code"] for answer in ask(session, "preshape/box/call/stop", b'{"schema":' + 3000 * b"[")] == [
+            "done"
+        ]
+        assert until(lambda: loop.stops == ["asked for over Zenoh"])
+
+
+def test_a_run_that_was_stopped_while_it_waited_is_never_armed() -> None:
+    endpoint, device = free_endpoint(), KinematicDevice()
+    device.open()
+    loop = ControlLoop(device, Clock(device), SafetyGate(), Observers(), time.perf_counter_ns)
+    with Telemetry(TelemetryConfig(endpoint=endpoint, services=("start",)), "kinematic", True, 500.0) as telemetry:
+        with client(endpoint) as session:
+            ask(session, "preshape/box/call/stop", request(1, reason="enough"))
+        await_start(telemetry.orders, RunOptions())
+        telemetry.watch(loop, Observers(), device)
+        result = loop.run(Closing())
+    assert (result.outcome, result.reason, result.ticks) == (LoopOutcome.STOPPED, "test: enough", 0)
+    assert not device.written and device.status is not DeviceStatus.ARMED
 
 
 def test_a_stop_while_the_hand_closes_brakes_at_once_and_is_latched() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import can
@@ -22,6 +22,7 @@ from preshape.sim_backend.can_lockstep import CanLockstepWorld, open_can_lockste
 from preshape.sim_backend.paced_scene import PacedScene
 from preshape.sim_backend.scenario import Scenario
 from preshape.sim_backend.scene_port import ScenePlace
+from preshape.tools.bus_recorder import BusRecorder
 from preshape.tools.can_setup import CanSetup
 from preshape.tools.run_ended import Ended
 from preshape.tools.run_options import RunOptions
@@ -76,14 +77,22 @@ class PacedCanRun:
 
 
 @contextmanager
-def open_paced_can(drawn: Scenario, options: RunOptions, setup: CanSetup) -> Generator[PacedCanRun]:
-    """Give a world on buses in real time, with physics started for it or those of a running hand bus."""
+def open_paced_can(
+    drawn: Scenario, options: RunOptions, setup: CanSetup, bus_log: Path | None = None
+) -> Generator[PacedCanRun]:
+    """Give a world on buses in real time, with physics started for it or those of a running hand bus.
+
+    What the driver sends and receives goes to the file `bus_log`, if there is one.
+    """
     addresses = setup.addresses
     wiring = BusWiring(setup.topology, addresses, options.patience, options.pace)
-    with PacedScene(drawn, ScenePlace(addresses) if options.attach else wiring) as scene:
+    place = ScenePlace(addresses) if options.attach else wiring
+    logged = nullcontext() if bus_log is None else BusRecorder(bus_log, [spec.name for spec in setup.topology.buses])
+    with logged as log, PacedScene(drawn, place) as scene:
 
         def open_one(spec: BusSpec, identifiers: list[int]) -> can.BusABC:
-            return open_bus(addresses[spec.name], spec.profile, identifiers)
+            bus = open_bus(addresses[spec.name], spec.profile, identifiers)
+            return bus if log is None else log.over(spec.name, bus)
 
         driver = CanDevice(setup.topology, open_one, setup.config)
         try:

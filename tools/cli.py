@@ -23,7 +23,8 @@ COMMANDS: dict[str, str] = {
     "doctor": "show this machine, and what the grip holds beside what opening asks",
     "bench": "measure what the parts cost on this machine",
 }
-"""Name -> what it does. Its module is `command_<name>`, with a dataclass `Options` and `execute(options) -> int`."""
+"""Name -> what it does. Its module is `command_<name>`, with a dataclass `Options`, `EXAMPLES` and
+`execute(options) -> int`."""
 
 
 def usage() -> str:
@@ -50,6 +51,12 @@ def command_module(name: str) -> ModuleType:
     return importlib.import_module(f"preshape.tools.command_{name.replace('-', '_')}")
 
 
+def examples(module: ModuleType) -> str:
+    """Return what a command's help ends with: lines to be pasted, each with what it does."""
+    width = max(len(line) for line, _ in module.EXAMPLES)
+    return "\n".join(["examples:", *(f"  {line:<{width}}  # {what}" for line, what in module.EXAMPLES)])
+
+
 def run_command(arguments: Sequence[str]) -> int:
     """Run the command that the arguments name and return its exit code."""
     if not arguments:
@@ -69,18 +76,27 @@ def run_command(arguments: Sequence[str]) -> int:
 
 
 def _execute(name: str, arguments: Sequence[str]) -> int:
-    import tyro
-
     module = command_module(name)
     try:
-        options = tyro.cli(module.Options, prog=f"preshape {name}", args=list(arguments))
-        return int(module.execute(options))
+        return int(module.execute(_options(module, name, arguments)))
     except Exception as error:
         code = expected_error(error)
         if code is None:
             raise
         print(f"preshape {name}: {error}", file=sys.stderr)
         return code
+
+
+def _options(module: ModuleType, name: str, arguments: Sequence[str]) -> object:
+    """Return a command's options; `SystemExit` after its help, or after what is wrong with them has been said."""
+    import tyro
+
+    try:
+        return tyro.cli(module.Options, prog=f"preshape {name}", args=list(arguments))
+    except SystemExit as ended:
+        if not ended.code:
+            print(examples(module))
+        raise
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

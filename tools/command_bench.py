@@ -14,6 +14,12 @@ from preshape.tools.bench_table import BENCHES, Bench, Figures, unit_of
 from preshape.tools.configuration_error import ConfigurationError
 from preshape.tools.exit_codes import ExitCode
 
+EXAMPLES = (
+    ("preshape bench", "everything, beside its bars"),
+    ("preshape bench tick bus --json", "two of them, for a program"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:

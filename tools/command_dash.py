@@ -15,6 +15,12 @@ from preshape.tools.exit_codes import ExitCode
 
 LARGEST_PORT = 65535
 
+EXAMPLES = (
+    ("preshape dash", "a robot that runs with --telemetry"),
+    ("preshape dash --web runs/lying", "a recorded run, for a browser"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
@@ -107,7 +113,7 @@ def _show_live(options: Options) -> None:
 
     robot = Keys(options.robot), options.endpoint, options.zenoh_config, options.within_s
     with listening(*robot) as listener, RerunViewer(options.web, (), options.port, options.web_port) as viewer:
-        stream = RerunStream.to_viewer(viewer.url, blueprint(live=True))
+        stream = RerunStream.to_viewer(viewer.url, blueprint(live=True, buses=listener.has_buses))
         print(f"showing {options.robot} at {options.endpoint}{viewer.where}", flush=True)
         end_s = _deadline(options)
         dash = LiveDash(listener, stream)

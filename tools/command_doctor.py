@@ -33,6 +33,12 @@ cycle: broadcasts and states; load: cycles and heartbeats; worst case: a cycle i
 emergency and heartbeat and a parameter exchange fall at once; response: from the broadcast until the last state, at
 the worst."""
 
+EXAMPLES = (
+    ("preshape doctor", "this machine and the tea box"),
+    ("preshape doctor --rate-hz 250 --profile classic --json", "buses without FD, for a program"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:

@@ -14,6 +14,12 @@ from preshape.tools.run_options import MOST_PATIENCE, PATIENCE, ProfileName
 if TYPE_CHECKING:
     from preshape.sim_backend.scene_port import ScenePlace
 
+EXAMPLES = (
+    ("preshape hand-bus --interface udp_multicast", "MuJoCo behind modules on this machine's buses"),
+    ("preshape hand-bus --channel vcan0 --physics simple", "bare joints behind modules on one vcan"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:

@@ -14,6 +14,13 @@ from preshape.tools.exit_codes import ExitCode
 if TYPE_CHECKING:
     from preshape.tools.planned_task import PlannedTask
 
+EXAMPLES = (
+    ("preshape plan", "the shipped tea box, with the seed of its own"),
+    ("preshape plan --scenario tea_box_lying --seed 3 --picture plan.png", "tables, and a picture"),
+    ("preshape plan --scenario l_carton --json", "for a program"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:

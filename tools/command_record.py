@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 FLUSH_S = 0.5
 """Time after which what has come is completed in the files, s."""
 
+EXAMPLES = (
+    ("preshape record --seconds 60", "a minute of a robot that runs with --telemetry"),
+    ("preshape record --complete runs/lying", "a run whose recorder was killed with it"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
@@ -94,7 +100,8 @@ def _record(options: Options, listener: TelemetryListener, directory: Path) -> i
 
     try:
         with EndSignals() as asked:
-            dash = LiveDash(listener, RerunStream.to_file(directory / "recording.rrd", blueprint()), keep)
+            stream = RerunStream.to_file(directory / "recording.rrd", blueprint(buses=listener.has_buses))
+            dash = LiveDash(listener, stream, keep)
             end_s = time.monotonic() + options.seconds if options.seconds else float("inf")
             while not (ended or asked()) and time.monotonic() < end_s:
                 dash.turn()

@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from preshape.hal.recording import Recording
     from preshape.tools.controller_setup import ControllerSetup
 
+EXAMPLES = (
+    ("preshape replay runs/lying", "0: the same commands bit for bit"),
+    ("preshape replay runs/lying --set field.ties=hard", "1: names the first tick that differs"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:

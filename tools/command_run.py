@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 MOST_SLIP = 0.02
 """Share of the simulated time for which a scene in real time may have stood still without being told of."""
 
+EXAMPLES = (
+    ("preshape run", "opens the shipped tea box"),
+    ("preshape run --scenario tea_box_lying --seed 7 --out runs/lying", "another world; its files go there"),
+    ("preshape run --set box.friction=0.5 --until-task 1", "a smoother box, the first grasp only"),
+    ("preshape run --device can --faults drop=0.01", "over joint modules on CAN buses that lose frames"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options(RunOptions):

@@ -13,6 +13,12 @@ from preshape.tools.exit_codes import ExitCode
 from preshape.tools.remote_options import RemoteOptions
 from preshape.tools.run_options import MESSAGES_RATE_HZ, ProfileName, RunOptions
 
+EXAMPLES = (
+    ("preshape serve", "MuJoCo, for a `preshape run --device zenoh` elsewhere"),
+    ("preshape serve --device can --seed 7", "joint modules on buses, with MuJoCo behind them"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options(RemoteOptions):

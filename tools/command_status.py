@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 REFRESH_S = 0.5
 """Time between two looks at the robot, s."""
 
+EXAMPLES = (
+    ("preshape status", "a live table of a robot that runs with --telemetry"),
+    ("preshape status --json", "once, for a program"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -18,6 +19,13 @@ if TYPE_CHECKING:
 SCHEMA = "preshape/sweep/1"
 NO_FAULTS = "none"
 """The campaign in which nothing goes wrong."""
+
+EXAMPLES = (
+    ("preshape sweep --seeds 0:4 --until-task 1 --json sweep.json", "four grasps, counted"),
+    ("preshape sweep --scenario tea_box tea_box_lying --seeds 0:20", "two scenarios, twenty seeds each"),
+    ("preshape sweep --device can --seeds 0 --faults none loss1 bus_off2", "a matrix of fault and outcome"),
+)
+"""Shown by `--help`: what to paste, and what it does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +81,7 @@ def execute(options: Options) -> int:
     from preshape.tools.sweep_tables import Progress, print_sweep, results_console
 
     cases = sweep_cases(options)
+    require_writable(options.json)
     jobs = options.jobs or (1 if options.in_real_time else -1)
     done: list[RunOutcome] = []
     with Progress(len(cases)) as progress:
@@ -118,6 +127,25 @@ def sweep_cases(options: Options) -> list[RunCase]:
     return [RunCase(scenario, seed, how) for scenario in scenarios for how in hows for seed in seeds]
 
 
+def require_writable(file: Path | None) -> None:
+    """Refuse a file that cannot be written, before anything runs: `ConfigurationError`."""
+    if file is None:
+        return
+    try:
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a folder")
+        part = _part(file)
+        part.parent.mkdir(parents=True, exist_ok=True)
+        part.touch()
+        part.unlink()
+    except OSError as error:
+        raise ConfigurationError(f"--json {file}: cannot be written: {error.strerror}") from error
+
+
+def _part(file: Path) -> Path:
+    return file.with_name(file.name + ".part")
+
+
 def write(options: Options, outcomes: list[RunOutcome]) -> None:
     """Write counts and outcomes to the file asked for, whole or not at all."""
     if options.json is None:
@@ -138,7 +166,6 @@ def write(options: Options, outcomes: list[RunOutcome]) -> None:
         "summaries": summarise(outcomes),
         "outcomes": outcomes,
     }
-    part = options.json.with_name(options.json.name + ".part")
-    part.parent.mkdir(parents=True, exist_ok=True)
+    part = _part(options.json)
     part.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n")
     part.replace(options.json)

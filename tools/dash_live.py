@@ -92,18 +92,15 @@ class LiveDash:
                     self._builder.add(message)
 
     def _show_health(self, health: Health) -> None:
-        """Show the loop's times and, where there are any, a bus's load and errors."""
-        now_ns = np.array([health.mono_ns])
+        """Show the loop's times, or a bus's load and errors."""
         if health.lateness_us is not None and health.compute_us is not None:
             names = tuple(f"{what} {part}" for what in ("lateness", "compute") for part in ("p50", "p99", "max"))
             spreads = (health.lateness_us, health.compute_us)
             values = [value for spread in spreads for value in (spread.p50, spread.p99, spread.max)]
             series = cut_off(Series("loop/timing", names, np.array([values])), MOST_LOOP_US)
-            self._stream.send_series(series, now_ns)
-        if health.bus_load is not None or health.bus_errors is not None:
-            values = [np.nan if value is None else float(value) for value in (health.bus_load, health.bus_errors)]
-            series = Series(f"bus/{health.device}", ("load", "errors"), np.array([values]))
-            self._stream.send_series(series, now_ns)
+            self._stream.send_series(series, np.array([health.mono_ns]))
+        if health.bus_load is not None and health.bus_errors is not None:
+            self._content.add_bus(health.mono_ns, health.device, health.bus_load, health.bus_errors)
 
 
 def watch(dash: LiveDash, goes_on: Callable[[], bool], nap: Callable[[float], None]) -> None:

@@ -16,7 +16,7 @@ import zenoh
 
 from preshape.hal.device import DeviceUnreachable
 from preshape.hal.gate_config import AgeTier, GateConfig
-from preshape.hal.remote_calls import CALLS, Question, Reply, Seen, SeenObstacle, decode_question, encode
+from preshape.hal.remote_calls import CALLS, Question, Reply, Seen, SeenObstacle, decode_question, encode, life_token
 from preshape.hal.remote_wire import command_of, decode_command, encode_state
 from preshape.tools.run_world import RunWorld
 from preshape.tools.served_opening import opening_from
@@ -29,7 +29,7 @@ NOBODY = 0
 
 @dataclass(frozen=True, slots=True)
 class _Arrived:
-    """What Zenoh has handed over: a command's bytes, a question, or the number of a client that has gone."""
+    """What Zenoh has handed over: a command's bytes, a question, or the token of a client that has gone."""
 
     call: str
     payload: bytes
@@ -107,7 +107,7 @@ class DeviceServer:
                 self._answer(arrived.call, arrived.payload, arrived.query)
             elif arrived.call == "command":
                 self._take_command(arrived.payload)
-            elif arrived.payload == str(self._client).encode() and self._client != NOBODY:
+            elif self._client != NOBODY and arrived.payload == life_token(self._client).encode():
                 self._lose_client()
             if time.monotonic_ns() >= due_ns:
                 return

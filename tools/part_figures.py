@@ -1,4 +1,4 @@
-"""What a device knows of its own parts, its buses, on its way from the loop to the telemetry process."""
+"""What a device knows of its own parts, its buses, on its way from the loop to other processes."""
 
 from __future__ import annotations
 
@@ -14,8 +14,12 @@ _TEXT = np.dtype([("text", "S16384")])
 
 
 class PartFigures(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One part: frames so far and a second, share of the time that they take, error frames so far, temperatures."""
+    """One part: frames so far and a second, share of the time that they take, error frames so far, temperatures.
 
+    `mono_ns` is when it was looked at, on the loop's clock.
+    """
+
+    mono_ns: int
     name: str
     status: str
     fault: str
@@ -48,7 +52,7 @@ class PartsWriter:
 
 
 class PartsReader:
-    """The telemetry process's side."""
+    """The side of the process that tells of them."""
 
     def __init__(self, memory: PartsMemory) -> None:
         """Look at memory made by `parts_memory`."""

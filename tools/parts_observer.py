@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from preshape.hal.can.budget import bus_budget
 from preshape.hal.can.bus_health import BusCondition
 from preshape.hal.can.device import CanDevice
-from preshape.hal.can.topology import BusSpec
 from preshape.hal.can.wire import Wire
 from preshape.hal.device import Device
 from preshape.hal.tick_record import TickRecord
@@ -23,7 +24,10 @@ class PartsObserver:
         self._writer = PartsWriter(memory)
         self._device = device if isinstance(device, CanDevice) else None
         self._rate_hz = rate_hz
-        self._due_ns = self._before_ns = 0
+        buses = () if self._device is None else self._device.topology.buses
+        self._buses = {bus.name: (bus, bus_budget(bus, rate_hz)) for bus in buses}
+        self._due_ns = 0
+        self._before_ns: int | None = None
         self._counts: dict[str, int] = {}
 
     def notify(self, record: TickRecord) -> None:
@@ -32,26 +36,26 @@ class PartsObserver:
         if self._device is None or now_ns < self._due_ns:
             return
         self._due_ns = now_ns + INTERVAL_NS
-        figures = self._figures(self._device, max(1, now_ns - self._before_ns) * 1e-9)
-        self._before_ns = now_ns
-        self._writer.write(figures)
-
-    def _figures(self, device: CanDevice, since_s: float) -> list[PartFigures]:
-        temperatures = device.temperatures_degc
-        buses = {bus.name: bus for bus in device.topology.buses}
-        return [
-            self._bus(buses[name], wire, since_s, {m.name: temperatures.get(m.name) for m in buses[name].modules})
-            for name, wire in device.wires.items()
-        ]
+        counts = {name: wire.counts["received"] + wire.counts["sent"] for name, wire in self._device.wires.items()}
+        # A rate is over the time between two looks: the first one has none.
+        if self._before_ns is not None:
+            since_s, temperatures = (now_ns - self._before_ns) * 1e-9, self._device.temperatures_degc
+            rates_hz = {name: (count - self._counts.get(name, 0)) / since_s for name, count in counts.items()}
+            self._writer.write(
+                [
+                    self._bus(name, wire, now_ns, counts[name], rates_hz[name], temperatures)
+                    for name, wire in self._device.wires.items()
+                ]
+            )
+        self._before_ns, self._counts = now_ns, counts
 
     def _bus(
-        self, bus: BusSpec, wire: Wire, since_s: float, temperatures: dict[str, int | None]
-    ) -> PartFigures:  # fmt: skip
-        count = wire.counts["received"] + wire.counts["sent"]
-        rate_hz = (count - self._counts.get(bus.name, 0)) / since_s
-        self._counts[bus.name] = count
-        budget = bus_budget(bus, self._rate_hz)
+        self, name: str, wire: Wire, now_ns: int, count: int, rate_hz: float, temperatures: Mapping[str, int]
+    ) -> PartFigures:
+        bus, budget = self._buses[name]
+        known = {module.name: temperatures.get(module.name) for module in bus.modules}
         return PartFigures(
+            mono_ns=now_ns,
             name=bus.name,
             status=wire.health.condition.name,
             fault=wire.trouble or ("has been off" if wire.health.condition is BusCondition.OFF else ""),
@@ -59,5 +63,5 @@ class PartsObserver:
             rate_hz=rate_hz,
             bus_load=budget.load * rate_hz / (budget.frames * self._rate_hz),
             bus_errors=sum(wire.health.counts.values()),
-            temperature_c={name: float(value) for name, value in temperatures.items() if value is not None},
+            temperature_c={name: float(value) for name, value in known.items() if value is not None},
         )

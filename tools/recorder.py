@@ -10,14 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from preshape.control.observer import Observers
 from preshape.hal.answers import AnyAnswer
 from preshape.hal.byte_ring import CAPACITY, PIECE, ByteWriter
-from preshape.hal.device import DeviceUnreachable
+from preshape.hal.device import Device, DeviceUnreachable
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.hal.waiting_ring import WaitingRingWriter
 from preshape.tools.answer_pack import pack
 from preshape.tools.controller_setup import ControllerSetup, encode_setup
+from preshape.tools.part_figures import PartsMemory, parts_memory
+from preshape.tools.parts_observer import PartsObserver
 from preshape.tools.recorder_process import READER, Beginning, run_recorder
 
 READY_S = 60.0
@@ -44,9 +47,12 @@ class Recorder:
         self._process: BaseProcess | None = None
         self._ticks: RingWriter | WaitingRingWriter | None = None
         self._answers: ByteWriter | None = None
+        self._parts: PartsMemory | None = None
 
-    def start(self, paced: bool) -> None:
+    def start(self, paced: bool, buses: bool = False) -> None:
         """Start the process that writes and wait until it is up: before the world is, whose time would go on.
+
+        With `buses` the picture has room for how the device's are, of which `watch` tells.
 
         Raises:
             DeviceUnreachable: it does not come up.
@@ -60,10 +66,10 @@ class Recorder:
             for writer in (self._ticks, pieces):
                 writer.keep_for(READER)
         self._answers = ByteWriter(pieces)
+        self._parts = parts_memory(context) if buses else None
         ready = context.Event()
-        self._process = context.Process(
-            name="recorder", target=run_recorder, args=(str(self._directory), ticks, answers, ready), daemon=True
-        )
+        arguments = str(self._directory), ticks, answers, self._parts, ready
+        self._process = context.Process(name="recorder", target=run_recorder, args=arguments, daemon=True)
         self._process.start()
         deadline_s = time.monotonic() + READY_S
         while not ready.wait(0.1):
@@ -76,6 +82,12 @@ class Recorder:
             # Paced runs live on the machine's clock, the others begin at zero.
             wall_offset_ns = time.time_ns() - (time.monotonic_ns() if setup.paced else 0)
             self._answers.send(Beginning(wall_offset_ns, encode_setup(setup)).packed())
+
+    def watch(self, observers: Observers, device: Device, rate_hz: float) -> None:
+        """Be told of every tick, and of the device's buses if it was said that there are any."""
+        observers.add(self)
+        if self._parts is not None:
+            observers.add(PartsObserver(self._parts, device, rate_hz))
 
     @property
     def note(self) -> str:

@@ -17,6 +17,7 @@ from preshape.hal.byte_ring import PIECE, ByteReader
 from preshape.hal.recording_file import RecordingFile
 from preshape.hal.tick_ring import RingMemory, RingReader
 from preshape.tools.answer_pack import unpack
+from preshape.tools.part_figures import PartsMemory, PartsReader
 
 if TYPE_CHECKING:
     from preshape.tools.rerun_content import RerunContent
@@ -47,7 +48,9 @@ class Beginning:
         return cls(struct.unpack_from("<q", message)[0], message[8:])
 
 
-def run_recorder(directory: str, ticks: RingMemory, answers: RingMemory, ready: Event) -> None:
+def run_recorder(
+    directory: str, ticks: RingMemory, answers: RingMemory, parts: PartsMemory | None, ready: Event
+) -> None:
     """Write until the run says that it has ended, or its process is gone; what it has handed over is kept."""
     from preshape.tools.controller_setup import decode_setup
     from preshape.tools.rerun_content import RerunContent
@@ -66,13 +69,14 @@ def run_recorder(directory: str, ticks: RingMemory, answers: RingMemory, ready: 
     beginning = Beginning.unpacked(first[0])
     setup = decode_setup(beginning.setup)
     file = RecordingFile(Path(directory, "recording.mcap"), beginning.setup, beginning.wall_offset_ns)
-    stream = RerunStream.to_file(Path(directory, "recording.rrd"), blueprint())
+    stream = RerunStream.to_file(Path(directory, "recording.rrd"), blueprint(buses=parts is not None))
     picture = RerunContent(stream, setup.cell, setup.box)
+    figures = None if parts is None else PartsReader(parts)
     try:
         for answer, pixels in map(unpack, first[1:]):
             file.add_answer(answer, pixels)
             picture.add_answer(answer, pixels)
-        _copy(tick_reader, answer_reader, file, picture, life)
+        _copy(tick_reader, answer_reader, figures, file, picture, life)
     finally:
         file.close()
         picture.close()
@@ -101,7 +105,10 @@ def _first_message(ticks: RingReader, answers: ByteReader, life: _Life) -> list[
         time.sleep(NAP_S)
 
 
-def _copy(ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: RerunContent, life: _Life) -> None:
+def _copy(
+    ticks: RingReader, answers: ByteReader, parts: PartsReader | None, file: RecordingFile, picture: RerunContent,
+    life: _Life,
+) -> None:  # fmt: skip
     lost, flushed_s = 0, time.monotonic()
     while True:
         goes_on = life.goes_on
@@ -115,6 +122,8 @@ def _copy(ticks: RingReader, answers: ByteReader, file: RecordingFile, picture: 
             lost = ticks.dropped + answers.lost
         file.add_ticks(records)
         picture.add_ticks(records)
+        for bus in (parts.newest() or ()) if parts is not None else ():
+            picture.add_bus(bus.mono_ns, bus.name, bus.bus_load, bus.bus_errors)
         if time.monotonic() - flushed_s > FLUSH_S:
             file.flush()
             picture.flush()

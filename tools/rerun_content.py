@@ -13,7 +13,7 @@ from preshape.tools.rerun_field import RerunField
 from preshape.tools.rerun_robot import RerunRobot
 from preshape.tools.rerun_scene import RerunScene
 from preshape.tools.rerun_stream import RerunStream
-from preshape.tools.series import MOST_LOOP_US, changes, cut_off, loop_times, record_series
+from preshape.tools.series import MOST_LOOP_US, bus_series, changes, cut_off, loop_times, record_series
 
 PLOT_INTERVAL_S = 0.02
 """Plots have a point each such time, s."""
@@ -72,6 +72,7 @@ class RerunContent:
         self._plots, self._motion = Thinning(plot_s), Thinning(motion_s)
         self._last: TickRecord | None = None
         self._told_events = told_events
+        self._buses: dict[str, int] = {}
 
     def add_ticks(self, records: TickRecord) -> None:
         """Take the next records (n,) of dtype `TICK`."""
@@ -85,6 +86,12 @@ class RerunContent:
     def add_image(self, now_ns: int, pixels: NDArray[np.uint8]) -> None:
         """Take one grey image (height, width)."""
         self._scene.add_image(np.array([now_ns]), pixels)
+
+    def add_bus(self, now_ns: int, name: str, load: float, errors: int) -> None:
+        """Take how a bus of the device is: the share of its time that is taken, and its error frames so far."""
+        number = self._buses.setdefault(name, len(self._buses))
+        for series in bus_series(number, name, load, errors):
+            self._stream.send_series(series, np.array([now_ns]))
 
     def flush(self) -> None:
         """Draw what has come and hand it over."""

@@ -12,10 +12,10 @@ EYE, TARGET = (1.50, -0.80, 1.05), (0.33, -0.05, 0.36)
 """Where the scene is looked at from, and where to, m."""
 
 
-def blueprint(live: bool = False) -> rrb.Blueprint:
+def blueprint(live: bool = False, buses: bool = False) -> rrb.Blueprint:
     """Return the layout: scene, camera and events; states, torque against limit, distances, tracking, loop, devices.
 
-    `live` follows the newest data.
+    `live` follows the newest data; `buses` adds how the device's buses are.
     """
     eye = rrb.EyeControls3D(position=EYE, look_target=TARGET)
     left = rrb.Vertical(
@@ -27,17 +27,27 @@ def blueprint(live: bool = False) -> rrb.Blueprint:
         ),
         row_shares=[5, 2],
     )
+    health = [
+        rrb.Horizontal(
+            _plot(f"loop: lateness and compute, us (cut at {MOST_LOOP_US:g})", "/loop/timing", (0.0, MOST_LOOP_US)),
+            _plot("devices: age of samples, ms", "/loop/age"),
+        )
+    ]
+    if buses:
+        health.append(
+            rrb.Horizontal(
+                _plot("buses: load, share of their time", "/bus/load/**", (0.0, 1.0)),
+                _plot("buses: error frames so far", "/bus/errors/**"),
+            )
+        )
     plots = rrb.Vertical(
         rrb.StateTimelineView(name="task, phase, mode, device", contents=["/task", "/phase", "/mode", "/device"]),
         _pair("torque / limit", "torque_ratio"),
         _fingers(),
         _pair("distance of groups, m", "distance"),
         _pair("tracking error, rad", "tracking_error"),
-        rrb.Horizontal(
-            _plot(f"loop: lateness and compute, us (cut at {MOST_LOOP_US:g})", "/loop/timing", (0.0, MOST_LOOP_US)),
-            _plot("devices: age of samples, ms", "/loop/age"),
-        ),
-        row_shares=[4, 3, 3, 3, 3, 3],
+        *health,
+        row_shares=[4, *(4 + len(health)) * [3]],
     )
     panel = rrb.TimePanel(state="collapsed", timeline="time", play_state="following" if live else "paused")
     return rrb.Blueprint(

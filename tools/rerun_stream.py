@@ -71,7 +71,7 @@ class RerunStream:
     def send_series(self, series: Series, now_ns: NDArray[np.int64]) -> None:
         """Send the lines of one plot; of moments without any value only the first: it ends the lines."""
         if series.path not in self._there:
-            colors = np.array(COLORS[: len(series.names)], np.uint32)
+            colors = np.take(COLORS, series.color + np.arange(len(series.names)), mode="wrap").astype(np.uint32)
             self.keep(series.path, rr.SeriesLines(names=list(series.names), colors=colors))
         rows = self.due(series.path, ~np.all(np.isnan(series.values), axis=1))
         if not len(rows):

@@ -112,8 +112,8 @@ def open_world(
 ) -> Generator[RunWorld]:
     """Give the world of a drawn scenario, as the options ask for it, with its device open; leaving ends it.
 
-    `bus_log` is the file that the frames of a CAN world's buses are written to; `wire` listens to them, and lets go
-    wrong what has been asked for.
+    `bus_log` is the file that the frames of a CAN world's buses are written to (in real time the driver's); `wire`
+    listens to them, and lets go wrong what has been asked for.
 
     Raises:
         ConfigurationError: the buses asked for cannot be.
@@ -123,7 +123,7 @@ def open_world(
     if options.device == "can":
         setup = can_setup(options)
         if options.in_real_time:
-            with open_paced_can(drawn, options, setup) as world:
+            with open_paced_can(drawn, options, setup, bus_log) as world:
                 yield world
         else:
             with open_lockstep_can(drawn, setup, bus_log, wire) as can_lockstep:

@@ -19,11 +19,15 @@ MOST_LOOP_US = 4000.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """Lines of one plot: where they belong, their names, and their values (n, lines)."""
+    """Lines of one plot: where they belong, their names, and their values (n, lines).
+
+    Colours are those of `COLORS` from `color` on, for lines that share a plot with other series.
+    """
 
     path: str
     names: tuple[str, ...]
     values: NDArray[np.float64]
+    color: int = 0
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or self.values.shape[1] != len(self.names):
@@ -83,6 +87,12 @@ def loop_times(timing: NDArray[np.void]) -> Series:
 def cut_off(series: Series, highest: float) -> Series:
     """Return a series whose greater values stand at `highest`: single ones must not hide all others."""
     return Series(series.path, series.names, np.minimum(series.values, highest))
+
+
+def bus_series(number: int, name: str, load: float, errors: int) -> list[Series]:
+    """Return what share of its time a device's bus of this number takes, and its error frames so far: one moment."""
+    lines = {"load": float(load), "errors": float(errors)}
+    return [Series(f"bus/{what}/{name}", (name,), np.array([[value]]), number) for what, value in lines.items()]
 
 
 def record_series(records: TickRecord) -> list[Series]:

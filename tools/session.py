@@ -102,7 +102,7 @@ def run_session(
         prepare_kernels(scenario, seed, asked)
     wire = _wire_watch(asked, drawn.seed)
     if recorder is not None and cause is None:
-        recorder.start(asked.in_real_time)
+        recorder.start(asked.in_real_time, buses=asked.device == "can")
     with _telemetry(telemetry, drawn, options) as live, open_world(drawn, asked, bus_log, wire) as world:
         if live is not None and live.waits_for_start:
             options = await_start(live.orders, options)
@@ -122,7 +122,7 @@ def run_session(
                 watching.add(evidence.keep_pictures(world.scene_positions))
             if recorder is not None:
                 recorder.begin(setup)
-                watching.add(recorder)
+                recorder.watch(watching, world.device, options.loop_rate_hz)
             if signals is not None:
                 signals.obey(course.loop)
             _run(course, world.clock, options.in_real_time)

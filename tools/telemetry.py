@@ -80,7 +80,12 @@ class Telemetry:
         return [self._writer, *parts, OrdersWatch(self.orders, request_stop)]
 
     def watch(self, loop: ControlLoop, observers: Observers, device: Device) -> None:
-        """Write every tick of a loop into the ring, tell of its device, and hand a stop that is asked for on to it."""
+        """Write every tick of a loop into the ring, tell of its device, and hand a stop that is asked for on to it.
+
+        A stop from before is handed on at once: a run that was stopped while it waited is not armed at all.
+        """
+        if self.orders.stopped:
+            loop.request_stop(self.orders.stop_reason)
         for observer in self.observers(loop.request_stop, device):
             observers.add(observer)
 

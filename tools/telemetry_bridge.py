@@ -260,7 +260,7 @@ class _Bridge:
             health = self._buses[part.name] = Health(
                 seq=self._next(f"health/{part.name}"),
                 stamp_ns=time.time_ns(),
-                mono_ns=now_ns,
+                mono_ns=part.mono_ns,
                 device=part.name,
                 status=part.status,
                 fault=part.fault,

@@ -9,7 +9,7 @@ import zenoh
 
 from preshape.hal.device import DeviceUnreachable
 from preshape.tools.telemetry_keys import Keys
-from preshape.tools.telemetry_messages import AnyMessage, decode_message
+from preshape.tools.telemetry_messages import AnyMessage, RobotInfo, decode_message
 
 MOST_WAITING = 20_000
 """Messages that may wait to be taken; the oldest of more are dropped, and counted."""
@@ -34,6 +34,13 @@ class TelemetryListener:
         if "info/robot" not in kept:
             raise DeviceUnreachable(f"telemetry: no robot publishes {keys.root}/** there")
         self._waiting.extendleft(reversed(kept.items()))
+        self._robot = kept["info/robot"]
+
+    @property
+    def has_buses(self) -> bool:
+        """Whether the robot's joints hang on buses that it tells of."""
+        info = decode_message(self._robot)
+        return isinstance(info, RobotInfo) and info.device == "can"
 
     def take(self) -> list[tuple[str, AnyMessage]]:
         """Return all messages that have come since the last call, each with its key's tail."""

@@ -10,6 +10,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from preshape.hal.received_json import decode_received
+
 Number = float | None
 Point = list[Number]
 
@@ -267,8 +269,8 @@ def encode_message(message: Message) -> bytes:
 
 
 def decode_message(data: bytes) -> AnyMessage:
-    """Return the published message in JSON data; `msgspec.ValidationError` names what is not in its schema."""
-    return _DECODER.decode(data)
+    """Return the published message in JSON data; `msgspec.DecodeError` names what is not in its schema."""
+    return decode_received(_DECODER, data)
 
 
 def schema_of(kind: type[Message]) -> str:

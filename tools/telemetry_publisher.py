@@ -19,6 +19,7 @@ KEPT = ("state/**", "health/*", "event", "info/*")
 """Tails of keys whose last messages can be asked for."""
 SERVICES = ("call/*", "param/*")
 
+_STOP = "call/stop"
 _JSON = zenoh.Encoding.APPLICATION_JSON
 
 
@@ -98,7 +99,7 @@ class RobotPublisher:
     def _take(self, group: str, query: zenoh.Query) -> None:
         """Called by Zenoh: nothing here waits. A stop is carried out before anything else is looked at."""
         tail = self._tail(query)
-        if tail == "call/stop":
+        if tail == _STOP:
             self._at_stop(payload_of(query))
         elif self._inbox.qsize() >= MOST_WAITING or (group in SERVICES and "*" in tail):
             # A service is asked for by its name: whoever asks for all keys there are wants what is kept.
@@ -108,7 +109,9 @@ class RobotPublisher:
         self._inbox.put((group, query))
 
     def _tail(self, query: zenoh.Query) -> str:
-        return str(query.key_expr).removeprefix(f"{self.keys.root}/")
+        """Return what is asked for; a stop for every robot there is (`preshape/*/call/stop`) is one for this one."""
+        key = str(query.key_expr)
+        return _STOP if key.endswith("/stop") else key.removeprefix(f"{self.keys.root}/")
 
     def _answer_kept(self, group: str, query: zenoh.Query) -> None:
         group_keys, asked = zenoh.KeyExpr(self.keys.of(group)), query.key_expr

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from preshape.hal.received_json import decode_received
 from preshape.tools.telemetry_messages import Health, Message, TaskState
 
 AnswerCode = Literal[
@@ -36,6 +37,9 @@ class Request(Message, frozen=True, tag="preshape/request/1"):
     expires_ns: int
     value: float | None = None
     reason: str = ""
+
+
+REQUEST = msgspec.json.Decoder(Request)
 
 
 class Answer(Message, frozen=True, tag="preshape/answer/1"):
@@ -79,15 +83,14 @@ class RequestCheck:
     def __init__(self) -> None:
         """Start without knowing any client."""
         self._last: OrderedDict[str, int] = OrderedDict()
-        self._decoder = msgspec.json.Decoder(Request)
 
     def read(self, payload: bytes, now_ns: int) -> Request:
         """Return the request in a payload that may be carried out at this Unix time; `Refused` otherwise."""
         if len(payload) > LARGEST_BYTES:
             raise Refused("bad_request", f"got {len(payload)} bytes, allowed are {LARGEST_BYTES}")
         try:
-            request = self._decoder.decode(payload)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            request = decode_received(REQUEST, payload)
+        except msgspec.DecodeError as error:
             raise Refused("bad_request", str(error)) from error
         if not 1 <= len(request.client) <= 64:
             raise Refused("bad_request", "client: allowed is a name of 1 to 64 characters", request.seq)

@@ -7,9 +7,10 @@ from typing import Any
 
 import msgspec
 
+from preshape.hal.received_json import decode_received
 from preshape.tools.telemetry_config import TelemetryConfig
 from preshape.tools.telemetry_orders import Orders
-from preshape.tools.telemetry_requests import Answer, Refused, Request, RequestCheck
+from preshape.tools.telemetry_requests import REQUEST, Answer, Refused, Request, RequestCheck
 from preshape.tools.telemetry_states import TASK_NAMES
 
 ALWAYS = ("status", "stop")
@@ -110,7 +111,7 @@ class Services:
 def _stop_reason(payload: bytes) -> str:
     """Return why a stop is asked for: what the request says, as far as it can be read."""
     try:
-        request = msgspec.json.decode(payload, type=Request)
-    except (msgspec.DecodeError, UnicodeDecodeError):
+        request = decode_received(REQUEST, payload)
+    except msgspec.DecodeError:
         return "asked for over Zenoh"
     return f"{request.client}: {request.reason or 'asked for over Zenoh'}"
