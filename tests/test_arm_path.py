@@ -14,7 +14,7 @@ from preshape.hal.world import CameraModel, OrientedBox, Workcell
 from preshape.planner.arm_capsules import HeldBox, box_segments
 from preshape.planner.arm_collision import FAR, ArmCollision
 from preshape.planner.arm_kinematics import arm_jacobian, manipulability, palm_pose
-from preshape.planner.arm_path import ALLOWED_DIP, ArmPath, PathQuery, PathStatus, arm_limits, plan_path
+from preshape.planner.arm_path import ALLOWED_DIP, ArmPath, PathQuery, PathStatus, arm_limits, plan_path, way_out
 from preshape.planner.arm_reach import ReachStatus, ranked_postures, reach, score
 from preshape.planner.capsule_distance import segment_box_distance, segment_distance
 
@@ -150,6 +150,29 @@ def test_from_what_has_appeared_more_is_kept_and_from_nothing_else() -> None:
     assert set(np.round(new.margins(0.02, more=0.01), 12)) == {0.02, 0.03}
     near = np.isclose(new.margins(0.02, (HOME,), ALLOWED_DIP, 1.0), distance - ALLOWED_DIP)
     assert near.sum() == 1, "two that are nearer than that at an end of a path keep what they have"
+
+
+def test_a_way_out_leads_straight_to_where_there_is_room_and_never_nearer() -> None:
+    palm = palm_pose("right", BASES["right"], HOME[:7])[:3, 3]
+    query, right = PathQuery(margin_m=0.008, more_m=0.015, step_rad=0.02), np.arange(7)
+    for gap in (0.10, 0.11, 0.12):
+        model = ArmCollision(
+            CELL, HANDS, appeared=(OrientedBox("post", transform(palm - [0, gap, 0]), np.full(3, 0.03)),)
+        )
+        assert model.clearance(HOME).distance < query.margin_m + query.more_m
+        q = way_out(model, HOME, right, query, model)
+        assert q is not None and np.array_equal(q[7:], HOME[7:]) and np.abs(q - HOME).max() < 0.5
+        assert model.is_free(q, query.margin_m, query.more_m)
+        on_the_way = [model.clearance(HOME + u * (q - HOME)).distance for u in np.linspace(0.0, 1.0, 200)]
+        assert min(on_the_way) >= model.clearance(HOME).distance - 5e-4
+        again = way_out(model, HOME, right, query, model)
+        assert again is not None and np.array_equal(again, q)
+    walled = tuple(
+        OrientedBox(f"wall{k}", transform(palm + at), np.full(3, 0.12))
+        for k, at in enumerate(0.3 * np.vstack([np.eye(3), -np.eye(3)]))
+    )
+    shut = ArmCollision(CELL, HANDS, appeared=walled)
+    assert way_out(shut, HOME, right, PathQuery(margin_m=0.5), shut) is None
 
 
 def test_score_is_the_lesser_of_limit_margin_and_manipulability() -> None:
