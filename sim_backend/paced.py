@@ -166,7 +166,8 @@ class PacedPerception:
         """Read poses from the physics' block and images from the camera process."""
         self._state, self._camera, self._pixels = state, camera, pixels
         self._lens = camera_model(scenario)
-        self._sensors = SceneSensors(scenario, self._lens, _no_image)
+        self._appeared_s = np.full(len(scenario.obstacles), np.nan)
+        self._sensors = SceneSensors(scenario, self._lens, _no_image, self._appeared_s)
 
     def object_pose(self, now_ns: int) -> PoseSample | None:
         """Return the newest pose sample that has arrived."""
@@ -180,7 +181,7 @@ class PacedPerception:
         record = self._state.read()
         if record is None:
             return ()
-        self._sensors.appeared_s = record[0]["appeared_s"][: len(self._sensors.appeared_s)]
+        self._appeared_s[:] = record[0]["appeared_s"][: len(self._appeared_s)]
         return self._sensors.obstacles(int(record[0]["scene_ns"]))
 
     def image(self, now_ns: int) -> Image:

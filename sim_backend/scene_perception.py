@@ -16,8 +16,9 @@ from preshape.sim_backend.texture import face_textures
 def attach_sensors(simulation: Simulation, cast: Cast | None = None) -> SceneSensors:
     """Return the sensors of a simulation, recording from now on; `cast` takes the images (default: `image_cast`)."""
     scenario = simulation.scenario
-    sensors = SceneSensors(scenario, camera_model(scenario), cast or image_cast(simulation), simulation.start_ns)
-    sensors.appeared_s = simulation.obstacles.appeared_s
+    cast = cast or image_cast(simulation)
+    appeared_s = simulation.obstacles.appeared_s
+    sensors = SceneSensors(scenario, camera_model(scenario), cast, appeared_s, simulation.start_ns)
     period_ns = round(1e9 / scenario.perception.rate_hz)
     due_ns = simulation.start_ns
 

@@ -72,16 +72,19 @@ class PoseSensor:
 
 
 class SceneSensors:
-    """`preshape.hal.world.Perception` of a simulated scene; the simulator calls `record` at every step.
+    """`preshape.hal.world.Perception` of a simulated scene; the simulator calls `record` at every step."""
 
-    `appeared_s` (obstacles,) is when each obstacle appeared, since the start, NaN: not yet; the simulator keeps it.
-    """
+    def __init__(
+        self, scenario: Scenario, camera: CameraModel, cast: Cast, appeared_s: Vector, start_ns: int = 0
+    ) -> None:
+        """Set up the sensors of a drawn scenario; `cast` takes images, and times count from `start_ns`.
 
-    def __init__(self, scenario: Scenario, camera: CameraModel, cast: Cast, start_ns: int = 0) -> None:
-        """Set up the sensors of a drawn scenario; `cast` takes images, and times count from `start_ns`."""
+        `appeared_s` (obstacles,) is when each obstacle appeared, s since the start, NaN: not yet; whoever knows keeps
+        it up to date.
+        """
         self._pose = PoseSensor(scenario.perception, scenario.seed, start_ns)
         self._obstacles = scenario.obstacles
-        self.appeared_s: Vector = np.full(len(scenario.obstacles), np.nan)
+        self._appeared_s = appeared_s
         self._delay_ns = round(scenario.perception.delay_s * 1e9)
         self._camera = camera
         self._cast = cast
@@ -100,7 +103,7 @@ class SceneSensors:
         time_s = (now_ns - self._delay_ns - self._start_ns) * 1e-9
         poses = [
             (obstacle, obstacle_pose(obstacle, time_s, float(appeared_s)))
-            for obstacle, appeared_s in zip(self._obstacles, self.appeared_s, strict=True)
+            for obstacle, appeared_s in zip(self._obstacles, self._appeared_s, strict=True)
         ]
         return tuple(
             OrientedBox(f"obstacle_{obstacle.name}", X, np.array(obstacle.size_m) / 2)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from recorded_bus import BUSES, drive
 from zenoh_robot import until
 
 from preshape.hal.can.frame_length import FD_LENGTHS
@@ -23,7 +24,6 @@ from preshape.hal.tick_ring import RingReader, RingWriter, ring_memory
 from preshape.sim_backend.bus_log import BusLog
 from preshape.tools.bus_recorder import BusRecorder, copy_frames
 
-BUSES = ("right_hand", "left_hand")
 SPAWN = multiprocessing.get_context("spawn")
 
 frames = st.builds(
@@ -134,15 +134,6 @@ def test_what_was_lost_shows_as_an_error_frame(tmp_path: Path) -> None:
     log = read(file)
     assert [frame.is_error_frame for frame in log] == [True] + 16 * [False]
     assert [frame.arbitration_id for frame in log[1:]] == list(range(84, 100))
-
-
-def drive(file: str, channel: str) -> None:
-    """Send a frame each millisecond until killed."""
-    recorder = BusRecorder(Path(file), BUSES)
-    bus = recorder.over(BUSES[0], can.Bus(interface="virtual", channel=channel))
-    for number in range(10**6):
-        bus.send(can.Message(arbitration_id=number % 2000, is_extended_id=False, data=number.to_bytes(4, "big")))
-        time.sleep(0.001)
 
 
 @pytest.fixture

@@ -89,9 +89,10 @@ def test_obstacles_appear_move_on_and_are_seen_late() -> None:
         name="bar", size_m=(0.1, 0.2, 0.3), position_m=(0.5, 0.0, 0.4), appears_s=1.0, velocity_m_per_s=(0.0, 0.1, 0.0)
     )
     assert obstacle_pose(moving, 0.999, 1.0) is None and obstacle_pose(moving, 5.0, np.nan) is None
-    sensors = SceneSensors(Scenario(name="s", obstacles=(moving,)), CAMERA, no_image)
+    appeared_s = np.array([np.nan])
+    sensors = SceneSensors(Scenario(name="s", obstacles=(moving,)), CAMERA, no_image, appeared_s)
     assert sensors.obstacles(5000 * MS) == ()
-    sensors.appeared_s = np.array([1.0])
+    appeared_s[0] = 1.0
     assert sensors.obstacles(1030 * MS) == ()
     (seen,) = sensors.obstacles(3040 * MS)
     assert np.allclose(seen.X_world_box[:3, 3], [0.5, 0.2, 0.4]) and np.allclose(seen.half, [0.05, 0.1, 0.15])
@@ -108,7 +109,7 @@ def test_image_is_taken_around_the_reported_pose_and_carries_its_time() -> None:
         asked.append(expected)
         return np.full((48, 64), 9, np.uint8)
 
-    sensors = SceneSensors(Scenario(name="s"), CAMERA, cast)
+    sensors = SceneSensors(Scenario(name="s"), CAMERA, cast, np.empty(0))
     first = sensors.image(5)
     sensors.record(10, X_TRUE)
     second = sensors.image(100 * MS)
