@@ -12,11 +12,13 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
+from bus_processes import multicast_addresses
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recorded_bus import BUSES, drive
 from zenoh_robot import until
 
+from preshape.hal.can.bus_address import open_bus
 from preshape.hal.can.frame_length import FD_LENGTHS
 from preshape.hal.can.frame_ring import FRAME, FrameWriter, frames_of
 from preshape.hal.can.tapped_bus import TappedBus
@@ -93,6 +95,20 @@ def test_a_tapped_bus_passes_everything_on_and_tells_what_has_passed() -> None:
     with pytest.raises(can.CanOperationError):
         ends.own.send(can.Message(arbitration_id=3))
     assert len(heard) == 2
+
+
+@pytest.mark.bus
+def test_what_comes_back_to_who_has_sent_it_is_told_once() -> None:
+    address = multicast_addresses()["arms"]
+    heard: list[int] = []
+    bus = TappedBus(
+        open_bus(address, "fd"), lambda message, received: heard.append(message.arbitration_id), address.echoes
+    )
+    bus.send(can.Message(arbitration_id=7, is_extended_id=False, is_fd=True, data=b"a"))
+    while bus.recv(0.5) is not None:
+        continue
+    bus.shutdown()
+    assert heard == [7]
 
 
 @pytest.mark.bus

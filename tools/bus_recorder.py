@@ -62,10 +62,10 @@ class BusRecorder:
             if not self._process.is_alive() or time.monotonic() > deadline_s:
                 raise DeviceUnreachable(f"bus log {file}: the process that writes it did not come up")
 
-    def over(self, name: str, bus: can.BusABC) -> can.BusABC:
-        """Return an open bus whose frames are written down."""
+    def over(self, name: str, bus: can.BusABC, echoes: bool = False) -> can.BusABC:
+        """Return an open bus whose frames are written down; `echoes`: it receives what it has sent."""
         number = self._numbers[name]
-        return TappedBus(bus, lambda message, received: self._frames.write(number, message, received))
+        return TappedBus(bus, lambda message, received: self._frames.write(number, message, received), echoes)
 
     def close(self) -> None:
         """Wait until everything is written; may be called twice."""

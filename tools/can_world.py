@@ -92,7 +92,7 @@ def open_paced_can(
 
         def open_one(spec: BusSpec, identifiers: list[int]) -> can.BusABC:
             bus = open_bus(addresses[spec.name], spec.profile, identifiers)
-            return bus if log is None else log.over(spec.name, bus)
+            return bus if log is None else log.over(spec.name, bus, addresses[spec.name].echoes)
 
         driver = CanDevice(setup.topology, open_one, setup.config)
         try:

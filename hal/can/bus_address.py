@@ -36,6 +36,11 @@ class BusAddress:
     def __str__(self) -> str:
         return f"{self.interface} {self.channel}"
 
+    @property
+    def echoes(self) -> bool:
+        """Whether who sends a frame receives it as well, as members of a multicast group do."""
+        return self.interface == "udp_multicast"
+
 
 def bus_addresses(topology: Topology, interface: str, channels: Sequence[str] = ()) -> dict[str, BusAddress]:
     """Return each bus's address by its name.
