@@ -111,7 +111,7 @@ class RobotPublisher:
     def _tail(self, query: zenoh.Query) -> str:
         """Return what is asked for; a stop for every robot there is (`preshape/*/call/stop`) is one for this one."""
         key = str(query.key_expr)
-        return _STOP if key.endswith("/stop") else key.removeprefix(f"{self.keys.root}/")
+        return _STOP if key.endswith(f"/{_STOP}") else key.removeprefix(f"{self.keys.root}/")
 
     def _answer_kept(self, group: str, query: zenoh.Query) -> None:
         group_keys, asked = zenoh.KeyExpr(self.keys.of(group)), query.key_expr
