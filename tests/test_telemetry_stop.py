@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 from kinematic_device import START, KinematicDevice
+from manual_clock import ManualClock
 from stop_time import assert_stops_in_least_time
 from zenoh_robot import ask, client, free_endpoint, request, running_robot, until
 
@@ -111,7 +112,30 @@ def test_a_run_that_was_stopped_while_it_waited_is_never_armed() -> None:
     assert not device.written and device.status is not DeviceStatus.ARMED
 
 
+def rehearse() -> None:
+    """Do without a clock what the test below does in real time: kernels that are compiled or loaded would stall it."""
+    device, controller = KinematicDevice(), Closing()
+    device.open()
+    observers = Observers()
+    loop = ControlLoop(device, ManualClock(device.advance), SafetyGate(), observers, lambda: 0)
+    observers.add(OrdersOnceClosing(controller, loop))
+    assert loop.run(controller).outcome is LoopOutcome.STOPPED
+
+
+class OrdersOnceClosing:
+    """Asks for a stop as soon as the hands close."""
+
+    def __init__(self, controller: Closing, loop: ControlLoop) -> None:
+        self._controller, self._loop = controller, loop
+
+    def notify(self, record: TickRecord) -> None:
+        """Look whether they do."""
+        if self._controller.closing.is_set():
+            self._loop.request_stop("enough")
+
+
 def test_a_stop_while_the_hand_closes_brakes_at_once_and_is_latched() -> None:
+    rehearse()
     endpoint, device, controller, recorder = free_endpoint(), KinematicDevice(), Closing(), Recorder()
     device.open()
     observers, gate = Observers([recorder]), SafetyGate()
