@@ -39,8 +39,8 @@ from preshape.sim_backend.simulation import STEP_NS
 ROOM_DEGC, MOST_DEGC = 25.0, 85.0
 HEATING_DEGC, HEATING_S = 50.0, 60.0
 """Winding above room temperature after long time at full torque, and its time constant (E)."""
-FIRST_COMMAND_S = 1.0
-"""How long an armed module waits for its first command, s: whoever armed it may be gone."""
+FIRST_COMMAND_NS = 1_000_000_000
+"""How long an armed module waits for its first command, ns: whoever armed it may be gone."""
 
 Sample = Callable[[], tuple[Vector, Vector, Vector]]
 """Returns the newest position, velocity and torque of all joints (40,)."""
@@ -297,12 +297,10 @@ class JointModule:
     def _watch(self, now_ns: int) -> None:
         if self.state is not ModuleState.ARMED:
             return
-        silent = (
-            now_ns - self._entered_ns > FIRST_COMMAND_S * 1e9
-            if self._commanded_ns is None
-            else now_ns - self._commanded_ns > self.parameters.watchdog_ns
-        )
-        if silent:
+        since_ns, patience_ns = self._commanded_ns, self.parameters.watchdog_ns
+        if since_ns is None:
+            since_ns, patience_ns = self._entered_ns, FIRST_COMMAND_NS
+        if now_ns - since_ns > patience_ns:
             self.fail(now_ns, ModuleError.WATCHDOG)
 
     def _warm(self, now_ns: int) -> None:

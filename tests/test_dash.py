@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kinematic_device import KinematicDevice
 from test_tick_record import filled
 from zenoh_robot import client, free_endpoint, until
 
@@ -110,7 +109,7 @@ def test_a_robot_is_drawn_as_it_publishes(tmp_path: Path) -> None:
     config = TelemetryConfig(endpoint=endpoint, heartbeat_hz=20.0)
     with Telemetry(config, "fake", False, 500.0, CELL.X_world_base, scene_info(CELL, BOX)) as telemetry:
         watching, records = Observers(), records_of(60)
-        telemetry.watch(type("Loop", (), {"request_stop": lambda self, reason: None})(), watching, KinematicDevice())
+        telemetry.watch(type("Loop", (), {"request_stop": lambda self, reason: None})(), watching)
         telemetry.hear(ObstaclesAnswer(call=0, now_ns=int(records["now_ns"][0]), obstacles=()), None)
         for record in records[:20]:
             watching.notify(record)

@@ -23,7 +23,7 @@ def test_every_bus_tells_its_load_its_errors_and_its_modules_temperatures() -> N
     lockstep = open_can_lockstep(Scenario(name="bus").drawn(0), CanDeviceConfig(), robot_topology("fd"))
     try:
         memory, device, clock = parts_memory(SPAWN), lockstep.world.device, lockstep.world.clock
-        observer, reader, record = PartsObserver(memory, device, 500.0), PartsReader(memory), new_record()
+        observer, reader, record = PartsObserver((memory,), device, 500.0), PartsReader(memory), new_record()
         for tick in range(300):
             clock.sleep_until_ns(tick * 2_000_000)
             device.read(clock.now_ns())
@@ -43,7 +43,7 @@ def test_every_bus_tells_its_load_its_errors_and_its_modules_temperatures() -> N
 
 def test_a_device_without_parts_tells_nothing() -> None:
     memory = parts_memory(SPAWN)
-    observer, record = PartsObserver(memory, KinematicDevice(), 500.0), new_record()
+    observer, record = PartsObserver((memory,), KinematicDevice(), 500.0), new_record()
     record["now_ns"] = 10 * INTERVAL_NS
     observer.notify(record)
     assert PartsReader(memory).newest() is None

@@ -106,7 +106,7 @@ def test_a_run_that_was_stopped_while_it_waited_is_never_armed() -> None:
         with client(endpoint) as session:
             ask(session, "preshape/box/call/stop", request(1, reason="enough"))
         await_start(telemetry.orders, RunOptions())
-        telemetry.watch(loop, Observers(), device)
+        telemetry.watch(loop, Observers())
         result = loop.run(Closing())
     assert (result.outcome, result.reason, result.ticks) == (LoopOutcome.STOPPED, "test: enough", 0)
     assert not device.written and device.status is not DeviceStatus.ARMED
@@ -149,7 +149,7 @@ def test_a_stop_while_the_hand_closes_brakes_at_once_and_is_latched() -> None:
             answers.extend(ask(session, "preshape/box/call/stop", request(1, reason="enough")))
 
     with Telemetry(TelemetryConfig(endpoint=endpoint), "kinematic", True, 500.0) as telemetry:
-        telemetry.watch(loop, observers, device)
+        telemetry.watch(loop, observers)
         operator = threading.Thread(target=operate)
         operator.start()
         result = loop.run(controller)

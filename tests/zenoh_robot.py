@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import zenoh
-from kinematic_device import KinematicDevice
 
 from preshape.control.observer import Observers
 from preshape.hal import tick_record as tr
@@ -59,7 +58,7 @@ class Loop:
     def run(self, done: threading.Event) -> None:
         """Write until told to end."""
         observers, record = Observers(), tr.new_record()
-        self.telemetry.watch(self, observers, KinematicDevice())  # pyright: ignore
+        self.telemetry.watch(self, observers)  # pyright: ignore
         due = time.monotonic()
         while not done.is_set():
             due += 0.002

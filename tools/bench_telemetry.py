@@ -88,7 +88,7 @@ class _Loop:
     """A loop that computes, notes and tells, as the real one does."""
 
     def __init__(self, telemetry: Telemetry) -> None:
-        self._observers = telemetry.observers(lambda reason: None, None)
+        self._observers = telemetry.observers(lambda reason: None)
         self._record: TickRecord = new_record()
         self._matrix: NDArray[np.float64] = np.random.default_rng(0).normal(size=(LAYOUT.dof, LAYOUT.dof))
         self._tick = 0

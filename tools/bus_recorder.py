@@ -15,12 +15,10 @@ import can
 
 from preshape.hal.can.frame_ring import CAPACITY, FRAME, FrameWriter, frames_of
 from preshape.hal.can.tapped_bus import TappedBus
-from preshape.hal.device import DeviceUnreachable
 from preshape.hal.tick_ring import RingMemory, RingReader, RingWriter, ring_memory
 from preshape.sim_backend.bus_log import BusLog
+from preshape.tools.child_process import await_end, start
 
-READY_S = 60.0
-"""Longest time until the process is ready, s."""
 FINISH_S = 30.0
 """Longest time that it may take to write what is left, s."""
 READER = 0
@@ -56,11 +54,7 @@ class BusRecorder:
         self._process = context.Process(
             name="bus log", target=write_frames, args=(str(file), tuple(buses), memory, ready), daemon=True
         )
-        self._process.start()
-        deadline_s = time.monotonic() + READY_S
-        while not ready.wait(0.1):
-            if not self._process.is_alive() or time.monotonic() > deadline_s:
-                raise DeviceUnreachable(f"bus log {file}: the process that writes it did not come up")
+        start(self._process, ready)
 
     def over(self, name: str, bus: can.BusABC, echoes: bool = False) -> can.BusABC:
         """Return an open bus whose frames are written down; `echoes`: it receives what it has sent."""
@@ -70,10 +64,7 @@ class BusRecorder:
     def close(self) -> None:
         """Wait until everything is written; may be called twice."""
         self._ring.end()
-        self._process.join(FINISH_S)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        await_end(self._process, FINISH_S)
 
     def __enter__(self) -> BusRecorder:
         return self

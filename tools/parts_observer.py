@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from preshape.hal.can.budget import bus_budget
 from preshape.hal.can.bus_health import BusCondition
@@ -19,9 +19,9 @@ INTERVAL_NS = 500_000_000
 class PartsObserver:
     """An observer that looks at a device's parts twice a second; a device without any costs nothing."""
 
-    def __init__(self, memory: PartsMemory, device: Device, rate_hz: float) -> None:
-        """Look at a device whose loop has this rate."""
-        self._writer = PartsWriter(memory)
+    def __init__(self, memories: Sequence[PartsMemory], device: Device, rate_hz: float) -> None:
+        """Look at a device whose loop has this rate, once for all who are told."""
+        self._writers = [PartsWriter(memory) for memory in memories]
         self._device = device if isinstance(device, CanDevice) else None
         self._rate_hz = rate_hz
         buses = () if self._device is None else self._device.topology.buses
@@ -41,12 +41,12 @@ class PartsObserver:
         if self._before_ns is not None:
             since_s, temperatures = (now_ns - self._before_ns) * 1e-9, self._device.temperatures_degc
             rates_hz = {name: (count - self._counts.get(name, 0)) / since_s for name, count in counts.items()}
-            self._writer.write(
-                [
-                    self._bus(name, wire, now_ns, counts[name], rates_hz[name], temperatures)
-                    for name, wire in self._device.wires.items()
-                ]
-            )
+            figures = [
+                self._bus(name, wire, now_ns, counts[name], rates_hz[name], temperatures)
+                for name, wire in self._device.wires.items()
+            ]
+            for writer in self._writers:
+                writer.write(figures)
         self._before_ns, self._counts = now_ns, counts
 
     def _bus(

@@ -10,21 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from preshape.control.observer import Observers
 from preshape.hal.answers import AnyAnswer
 from preshape.hal.byte_ring import CAPACITY, PIECE, ByteWriter
-from preshape.hal.device import Device, DeviceUnreachable
 from preshape.hal.tick_record import TickRecord
 from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.hal.waiting_ring import WaitingRingWriter
 from preshape.tools.answer_pack import pack
+from preshape.tools.child_process import await_end, start
 from preshape.tools.controller_setup import ControllerSetup, encode_setup
 from preshape.tools.part_figures import PartsMemory, parts_memory
-from preshape.tools.parts_observer import PartsObserver
 from preshape.tools.recorder_process import READER, Beginning, run_recorder
 
-READY_S = 60.0
-"""Longest time until the process is ready, s."""
 PATIENCE_S = 30.0
 """How long a run in lockstep waits for a process that takes nothing, s."""
 FINISH_S = 120.0
@@ -47,12 +43,12 @@ class Recorder:
         self._process: BaseProcess | None = None
         self._ticks: RingWriter | WaitingRingWriter | None = None
         self._answers: ByteWriter | None = None
-        self._parts: PartsMemory | None = None
+        self.parts: PartsMemory | None = None
 
     def start(self, paced: bool, buses: bool = False) -> None:
         """Start the process that writes and wait until it is up: before the world is, whose time would go on.
 
-        With `buses` the picture has room for how the device's are, of which `watch` tells.
+        With `buses` the picture has room for how the device's are, which `parts` is to be told.
 
         Raises:
             DeviceUnreachable: it does not come up.
@@ -66,15 +62,11 @@ class Recorder:
             for writer in (self._ticks, pieces):
                 writer.keep_for(READER)
         self._answers = ByteWriter(pieces)
-        self._parts = parts_memory(context) if buses else None
+        self.parts = parts_memory(context) if buses else None
         ready = context.Event()
-        arguments = str(self._directory), ticks, answers, self._parts, ready
+        arguments = str(self._directory), ticks, answers, self.parts, ready
         self._process = context.Process(name="recorder", target=run_recorder, args=arguments, daemon=True)
-        self._process.start()
-        deadline_s = time.monotonic() + READY_S
-        while not ready.wait(0.1):
-            if not self._process.is_alive() or time.monotonic() > deadline_s:
-                raise DeviceUnreachable("recorder process: did not come up")
+        start(self._process, ready)
 
     def begin(self, setup: ControllerSetup) -> None:
         """Say what the controller is given, before it asks anything or ticks: the files begin with it."""
@@ -82,12 +74,6 @@ class Recorder:
             # Paced runs live on the machine's clock, the others begin at zero.
             wall_offset_ns = time.time_ns() - (time.monotonic_ns() if setup.paced else 0)
             self._answers.send(Beginning(wall_offset_ns, encode_setup(setup)).packed())
-
-    def watch(self, observers: Observers, device: Device, rate_hz: float) -> None:
-        """Be told of every tick, and of the device's buses if it was said that there are any."""
-        observers.add(self)
-        if self._parts is not None:
-            observers.add(PartsObserver(self._parts, device, rate_hz))
 
     @property
     def note(self) -> str:
@@ -111,10 +97,7 @@ class Recorder:
         if self._ticks is None or self._process is None:
             return
         self._ticks.end()
-        self._process.join(FINISH_S)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        await_end(self._process, FINISH_S)
 
     @property
     def files(self) -> dict[str, Path]:

@@ -30,6 +30,7 @@ from preshape.tools.controller_setup import ControllerSetup, setup_of
 from preshape.tools.evidence import Evidence
 from preshape.tools.feasibility import impossibility
 from preshape.tools.lift_plan import lift_drawing, lift_report
+from preshape.tools.parts_observer import PartsObserver
 from preshape.tools.patient import PATIENT_PERIODS, PatientController
 from preshape.tools.plan_drawing import PlanDrawing
 from preshape.tools.real_time import cores_apart, empty_lateness, real_time
@@ -110,7 +111,7 @@ def run_session(
         listeners = [part.hear for part in (recorder, live) if part is not None]
         course = _prepare(world, setup, watching, listeners)
         if live is not None:
-            live.watch(course.loop, watching, world.device)
+            live.watch(course.loop, watching)
         if wire is not None:
             watching.add(wire)
         if cause is not None:
@@ -122,7 +123,10 @@ def run_session(
                 watching.add(evidence.keep_pictures(world.scene_positions))
             if recorder is not None:
                 recorder.begin(setup)
-                recorder.watch(watching, world.device, options.loop_rate_hz)
+                watching.add(recorder)
+            told = [part.parts for part in (live, recorder) if part is not None and part.parts is not None]
+            if told and asked.device == "can":
+                watching.add(PartsObserver(told, world.device, options.loop_rate_hz))
             if signals is not None:
                 signals.obey(course.loop)
             _run(course, world.clock, options.in_real_time)

@@ -14,13 +14,13 @@ from preshape.control.observer import Observer, Observers
 from preshape.hal.answers import AnyAnswer, PoseAnswer
 from preshape.hal.byte_ring import CAPACITY, PIECE, ByteWriter
 from preshape.hal.description import robot_urdf
-from preshape.hal.device import Device, DeviceUnreachable
+from preshape.hal.device import DeviceUnreachable
 from preshape.hal.layout import Side
 from preshape.hal.tick_ring import RingWriter, ring_memory
 from preshape.hal.transform import Matrix
 from preshape.tools.answer_pack import pack
+from preshape.tools.child_process import await_end
 from preshape.tools.part_figures import parts_memory
-from preshape.tools.parts_observer import PartsObserver
 from preshape.tools.telemetry_bridge import BridgeMemory, RobotFacts, run_bridge
 from preshape.tools.telemetry_config import TelemetryConfig
 from preshape.tools.telemetry_messages import SceneInfo
@@ -37,7 +37,8 @@ READER = 0
 class Telemetry:
     """The telemetry process of one run: a context manager; `watch` before the loop runs.
 
-    After it is up nothing that happens to it is felt by the loop: records go into shared memory, and are lost.
+    `parts` takes what a device knows of its parts. After it is up nothing that happens to it is felt by the loop:
+    records go into shared memory, and are lost.
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Telemetry:
         memory = BridgeMemory(ring_memory(context), heard, parts_memory(context), orders_memory(context))
         self.orders = Orders(memory.orders)
         self._writer, self._answers = RingWriter(memory.ring), ByteWriter(RingWriter(heard, PIECE))
-        self._parts, self._rate_hz = memory.parts, rate_hz
+        self.parts = memory.parts
         self.waits_for_start = "start" in config.services
         urdf = robot_urdf(X_world_base)
         facts = RobotFacts(device=device, paced=paced, rate_hz=rate_hz, pid=os.getpid(), urdf=urdf, scene=scene)
@@ -74,19 +75,18 @@ class Telemetry:
             self.close()
             raise DeviceUnreachable(f"telemetry: {problem}")
 
-    def observers(self, request_stop: Callable[[str], None], device: Device | None) -> list[Observer]:
-        """Return what is to be told of every tick: it writes to the ring, looks at a device's parts, obeys orders."""
-        parts = [] if device is None else [PartsObserver(self._parts, device, self._rate_hz)]
-        return [self._writer, *parts, OrdersWatch(self.orders, request_stop)]
+    def observers(self, request_stop: Callable[[str], None]) -> list[Observer]:
+        """Return what is to be told of every tick: it writes to the ring, and obeys orders."""
+        return [self._writer, OrdersWatch(self.orders, request_stop)]
 
-    def watch(self, loop: ControlLoop, observers: Observers, device: Device) -> None:
-        """Write every tick of a loop into the ring, tell of its device, and hand a stop that is asked for on to it.
+    def watch(self, loop: ControlLoop, observers: Observers) -> None:
+        """Write every tick of a loop into the ring, and hand a stop that is asked for on to it.
 
         A stop from before is handed on at once: a run that was stopped while it waited is not armed at all.
         """
         if self.orders.stopped:
             loop.request_stop(self.orders.stop_reason)
-        for observer in self.observers(loop.request_stop, device):
+        for observer in self.observers(loop.request_stop):
             observers.add(observer)
 
     def hear(self, answer: AnyAnswer, pixels: NDArray[np.uint8] | None) -> None:
@@ -104,10 +104,7 @@ class Telemetry:
     def close(self) -> None:
         """End the process once it has published what is left; may be called twice."""
         self._writer.end()
-        self.process.join(END_S)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
+        await_end(self.process, END_S)
         self._life.close()
 
     def __enter__(self) -> Telemetry:

@@ -68,12 +68,10 @@ class CommandRules:
         elif not 0 < steps < SEQUENCES // 2:
             yield self._broken(time_s, "sequence", f"number {sequence} is not newer than the one before")
         enabled = self._enabled(data)
-        if mode not in ("position", "torque", "hold") or not enabled.any():
-            self._last, self._moved = None, False
-            return
-        yield from self._after_stop(time_s, session)
-        yield from self._torque_limit(time_s, data, enabled)
-        if mode == "position":
+        if mode in ("position", "torque", "hold") and enabled.any():
+            yield from self._after_stop(time_s, session)
+            yield from self._torque_limit(time_s, data, enabled)
+        if mode == "position" and enabled.any():
             yield from self._speed_limit(time_s, self._target.read(data), enabled, steps)
         else:
             # Whatever the joints did meanwhile: what they are led by next begins where they are.
